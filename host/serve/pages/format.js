@@ -40,3 +40,10 @@ export function setFacts(list, facts) {
     setText(list.children[2 * index + 1], value);
   });
 }
+
+// Hands a file to the downloads of the browser.
+export function save(name, content, type) {
+  const href = URL.createObjectURL(new Blob([content], { type }));
+  make('a', { href, download: name }).click();
+  URL.revokeObjectURL(href);
+}

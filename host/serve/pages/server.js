@@ -19,11 +19,11 @@ export class Refusal extends Error {
   }
 }
 
-async function request(path, options, timeoutMs) {
+async function request(path, options, timeoutMs, given) {
   const headers = { ...options.headers };
   const token = sessionStorage.getItem(TOKEN);
   if (token) headers.authorization = `Bearer ${token}`;
-  const signal = timeoutMs ? AbortSignal.timeout(timeoutMs) : undefined;
+  const signal = given ?? (timeoutMs ? AbortSignal.timeout(timeoutMs) : undefined);
   let answer;
   try {
     answer = await fetch(path, { ...options, headers, signal, cache: 'no-store' });
@@ -44,10 +44,11 @@ export function get(path, timeoutMs = 2000) {
   return request(path, { method: 'GET' }, timeoutMs);
 }
 
-export function post(path, body, { key, timeoutMs, keepalive } = {}) {
+// A request whose `signal` is aborted is given up, by the server too.
+export function post(path, body, { key, timeoutMs, keepalive, signal } = {}) {
   const headers = {};
   if (key) headers['x-darm-control'] = key;
-  const isBytes = body instanceof ArrayBuffer;
+  const isBytes = body instanceof ArrayBuffer || body instanceof Blob;
   if (!isBytes) headers['content-type'] = 'application/json';
-  return request(path, { method: 'POST', headers, body: isBytes ? body : JSON.stringify(body), keepalive }, timeoutMs);
+  return request(path, { method: 'POST', headers, body: isBytes ? body : JSON.stringify(body), keepalive }, timeoutMs, signal);
 }

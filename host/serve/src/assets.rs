@@ -26,7 +26,7 @@ macro_rules! asset {
 }
 
 /// All of them.
-pub const ASSETS: [Asset; 13] = [
+pub const ASSETS: [Asset; 15] = [
     asset!("/style.css", "text/css; charset=utf-8", "../pages/style.css"),
     asset!("/icon.svg", "image/svg+xml", "../pages/icon.svg"),
     asset!("/server.js", SCRIPT, "../pages/server.js"),
@@ -36,6 +36,8 @@ pub const ASSETS: [Asset; 13] = [
     asset!("/arm.js", SCRIPT, "../pages/arm.js"),
     asset!("/program.js", SCRIPT, "../pages/program.js"),
     asset!("/timeline.js", SCRIPT, "../pages/timeline.js"),
+    asset!("/diagnosis.js", SCRIPT, "../pages/diagnosis.js"),
+    asset!("/zoom.js", SCRIPT, "../pages/zoom.js"),
     asset!("/vendor/three.module.min.js", SCRIPT, "../vendor/three/three.module.min.js"),
     asset!("/vendor/three.core.min.js", SCRIPT, "../vendor/three/three.core.min.js"),
     asset!("/vendor/OrbitControls.js", SCRIPT, "../vendor/three/OrbitControls.js"),

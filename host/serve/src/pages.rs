@@ -1,5 +1,7 @@
 //! The pages: a frame with the stop in it, and what each page has inside.
 
+mod diagnosis;
+
 use axum::response::Html;
 use maud::{DOCTYPE, Markup, html};
 
@@ -14,9 +16,10 @@ pub(crate) struct Page {
 }
 
 /// All of them, in the order of the navigation.
-pub(crate) const ALL: [Page; 2] = [
+pub(crate) const ALL: [Page; 3] = [
     Page { path: "/", name: "Live", script: "/live.js", main: live },
     Page { path: "/program", name: "Program", script: "/program.js", main: program },
+    Page { path: "/diagnosis", name: "Diagnosis", script: "/diagnosis.js", main: diagnosis::diagnosis },
 ];
 
 impl Page {

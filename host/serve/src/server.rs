@@ -25,7 +25,7 @@ use crate::assets::ASSETS;
 use crate::hub::{Hub, HubParts};
 use crate::refusal::Refused;
 use crate::watcher::Watcher;
-use crate::{api, pages};
+use crate::{api, diagnosis, pages};
 
 /// Largest body of a request: a table of 1024 rows has 60 kB.
 const MAX_BODY: usize = 1 << 18;
@@ -181,6 +181,7 @@ fn router(hub: Arc<Hub>, access: Access) -> Router {
         .route("/api/upload", post(api::upload))
         .route("/api/command", post(api::command))
         .with_state(hub)
+        .merge(diagnosis::router())
         .layer(DefaultBodyLimit::max(MAX_BODY))
         .layer(middleware::from_fn_with_state(Arc::new(access), guard))
 }

@@ -4,6 +4,7 @@
 mod access;
 mod board;
 mod browser;
+mod diagnosis;
 mod http;
 mod live;
 mod moves;

@@ -101,6 +101,7 @@ impl Browser {
 
     /// Gives a file to an input.
     pub(crate) fn choose(&self, selector: &str, file: &str) {
+        let file = std::fs::canonicalize(file).unwrap();
         self.send("POST", &format!("/element/{}/value", self.element(selector)), &json!({ "text": file }));
     }
 

@@ -1,0 +1,164 @@
+// The page of the diagnosis: sends model and measurements, shows how far the diagnosis is, then the report.
+
+import { get, post } from './server.js';
+import { follow } from './frame.js';
+import { byId, make, save, setText } from './format.js';
+import { Zoom } from './zoom.js';
+
+const STAGES = {
+  read: 'Reading the files', prepare: 'Preparing the rows', select: 'Searching for missing effects', judge: 'Judging what was found',
+};
+const POLL_MS = 300;
+const INPUTS = ['model', 'data', 'more'];
+const MB = 1 << 20;
+
+const maxBytes = Number(byId('files').dataset.maxBytes);
+let running = null;
+let result = null;
+
+// ---------------------------------------------------------------- files
+
+const chosen = () => Object.fromEntries(INPUTS.map((id) => [id, [...byId(id).files]]));
+
+function showFiles() {
+  const { model: [model], data: [data], more } = chosen();
+  const files = [model, data, ...more].filter(Boolean);
+  const bytes = files.reduce((sum, file) => sum + file.size, 0);
+  const isTooLarge = bytes > maxBytes;
+  const missing = !model ? 'Choose a model.' : !data ? 'Choose measurements.' : '';
+  const large = `${(bytes / MB).toFixed(1)} MB are too large: at most ${maxBytes / MB} MB; diagnose on the command line, or leave rows out.`;
+  setText(byId('files-note'), isTooLarge ? large : files.length ? missing : '');
+  byId('diagnose').disabled = Boolean(missing) || isTooLarge || running !== null;
+  byId('cancel').disabled = running === null;
+}
+
+function assign(id, files) {
+  const list = new DataTransfer();
+  for (const file of files) list.items.add(file);
+  byId(id).files = list.files;
+}
+
+// Measurements and robots are known by their names; of several TOML files the first is the model.
+function sort(files) {
+  const ends = (file, ...known) => known.some((end) => file.name.toLowerCase().endsWith(end));
+  const robots = files.filter((file) => ends(file, '.urdf', '.xml'));
+  const tomls = files.filter((file) => ends(file, '.toml'));
+  const data = files.filter((file) => ends(file, '.csv', '.gz', '.mcap'));
+  const [model, ...more] = [...tomls, ...robots];
+  if (model) {
+    assign('model', [model]);
+    assign('more', more);
+  }
+  if (data.length) assign('data', data.slice(0, 1));
+  showFiles();
+}
+
+for (const id of INPUTS) byId(id).addEventListener('change', showFiles);
+// A file that is dropped beside the field would replace the page.
+for (const type of ['dragover', 'drop']) window.addEventListener(type, (event) => event.preventDefault());
+const drop = byId('drop');
+for (const type of ['dragenter', 'dragover']) drop.addEventListener(type, () => drop.classList.add('over'));
+for (const type of ['dragleave', 'drop']) drop.addEventListener(type, () => drop.classList.remove('over'));
+window.addEventListener('drop', (event) => sort([...event.dataTransfer.files]));
+
+// A line that lists the files, then their bytes.
+function body() {
+  const { model: [model], data: [data], more } = chosen();
+  const named = (file) => ({ name: file.name, bytes: file.size });
+  const head = { model: named(model), data: named(data), more: more.map(named), other_model: byId('other-model').value === 'accept' };
+  return new Blob([`${JSON.stringify(head)}\n`, model, data, ...more]);
+}
+
+// ---------------------------------------------------------------- the diagnosis
+
+function showFailure(text) {
+  byId('failure').hidden = !text;
+  setText(byId('failure'), text ?? '');
+}
+
+async function showProgress() {
+  while (running) {
+    try {
+      const { running: now } = await get('/api/diagnosis');
+      const tried = now?.tried ? `, ${now.tried} models tried` : '';
+      if (now && running) setText(byId('progress-text'), `${STAGES[now.stage]}${tried}`);
+    } catch {
+      // The frame says that the server does not answer.
+    }
+    await new Promise((wake) => setTimeout(wake, POLL_MS));
+  }
+}
+
+async function diagnose() {
+  showFailure(null);
+  running = new AbortController();
+  setText(byId('progress-text'), 'Sending the files');
+  byId('progress').hidden = false;
+  showFiles();
+  showProgress();
+  try {
+    show(await post('/api/diagnosis/run', body(), { signal: running.signal }));
+    byId('verdict-section').focus();
+  } catch (error) {
+    showFailure(running.signal.aborted ? 'The diagnosis was cancelled.' : error.message);
+  }
+  running = null;
+  byId('progress').hidden = true;
+  showFiles();
+}
+
+byId('files').addEventListener('submit', (event) => {
+  event.preventDefault();
+  diagnose();
+});
+byId('cancel').addEventListener('click', () => running?.abort());
+
+// ---------------------------------------------------------------- the result
+
+function show(shown) {
+  result = shown;
+  byId('actions').hidden = !result;
+  if (!result) return;
+  setText(byId('result-files'), `${result.model} and ${result.data}`);
+  byId('result').innerHTML = result.html;
+  for (const table of byId('result').querySelectorAll('table')) {
+    const frame = make('div', { className: 'scroll', tabIndex: 0, role: 'region', ariaLabel: `Table: ${headingOf(table)}` });
+    table.replaceWith(frame);
+    frame.append(table);
+  }
+  for (const svg of byId('result').querySelectorAll('svg[role="img"]')) new Zoom(svg, headingOf(svg));
+  byId('write').disabled = !result.corrected;
+  setText(byId('write'), result.corrected ? `Write model ${result.corrected.number}` : 'No corrected model');
+  byId('commands').replaceChildren(...result.commands.flatMap(commandParts));
+  setText(byId('actions-note'), '');
+}
+
+function commandParts({ title, line }) {
+  const copy = make('button', { type: 'button', className: 'small', ariaLabel: `Copy the command: ${title}` }, 'Copy');
+  copy.addEventListener('click', async () => {
+    try {
+      await navigator.clipboard.writeText(line);
+      setText(byId('actions-note'), 'Copied the command: paste it in a shell beside the files.');
+    } catch {
+      setText(byId('actions-note'), 'This browser does not let the page copy: mark the command and copy it.');
+    }
+  });
+  return [make('dt', {}, title), make('dd', {}, make('code', {}, line), ' ', copy)];
+}
+
+function headingOf(element) {
+  const headings = [...byId('result').querySelectorAll('h2, h3, h4')];
+  const before = headings.filter((heading) => heading.compareDocumentPosition(element) & Node.DOCUMENT_POSITION_FOLLOWING);
+  return before.at(-1)?.textContent ?? '';
+}
+
+byId('write').addEventListener('click', () => {
+  const { name, text } = result.corrected;
+  save(name, text, 'application/toml');
+  setText(byId('actions-note'), `Wrote ${name} to the downloads of this browser.`);
+});
+
+showFiles();
+// The last result is there when the page is opened again.
+get('/api/diagnosis/result').then((last) => running || show(last)).catch(() => {});
+follow();

@@ -1,0 +1,178 @@
+//! The diagnosis of files that a page sends: as `darm diagnose`, one at a time, in a thread, given up when the page leaves.
+//!
+//! | request                    | does                                                                              |
+//! |----------------------------|-----------------------------------------------------------------------------------|
+//! | `GET /api/diagnosis`       | how far the running one is, and the number of the last result                     |
+//! | `GET /api/diagnosis/result`| the last result; `null` before the first                                          |
+//! | `POST /api/diagnosis/run`  | diagnoses an [`Upload`]; the answer is the result. Without its page it is given up |
+
+mod view;
+
+use std::path::Path;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+use axum::body::Bytes;
+use axum::extract::{DefaultBodyLimit, State};
+use axum::routing::{get, post};
+use axum::{Json, Router};
+use darm_diagnose::correction::Keep;
+use darm_diagnose::diagnosis::SignalOptions;
+use darm_diagnose::error::sentence;
+use darm_diagnose::files::{FileOptions, Files, FilesError, Subject};
+use darm_diagnose::progress::{Progress, Stage};
+use serde::Serialize;
+
+use crate::refusal::{Kind, Refused};
+use crate::upload::{MAX_FILES, Upload};
+use view::{Corrected, ResultView};
+
+/// Seed of the cross-validation: that of `darm diagnose`.
+const SEED: u64 = 1;
+
+/// The diagnoses of a server.
+#[derive(Default)]
+struct Diagnoses(Mutex<Known>);
+
+#[derive(Default)]
+struct Known {
+    running: Option<Running>,
+    last: Option<ResultView>,
+    n_finished: u64,
+}
+
+struct Running {
+    files: String,
+    since: Instant,
+    progress: Progress,
+}
+
+/// How far a diagnosis is.
+#[derive(Debug, Serialize)]
+struct RunningView {
+    files: String,
+    stage: Stage,
+    tried: usize,
+    for_s: f64,
+}
+
+/// What pages ask about again and again.
+#[derive(Debug, Serialize)]
+struct StatusView {
+    running: Option<RunningView>,
+    finished: u64,
+}
+
+type Shared = State<Arc<Diagnoses>>;
+
+/// The requests about diagnoses.
+pub(crate) fn router() -> Router {
+    Router::new()
+        .route("/api/diagnosis", get(status))
+        .route("/api/diagnosis/result", get(result))
+        .route("/api/diagnosis/run", post(run).layer(DefaultBodyLimit::max(MAX_FILES)))
+        .with_state(Arc::<Diagnoses>::default())
+}
+
+async fn status(State(diagnoses): Shared) -> Json<StatusView> {
+    let known = diagnoses.known();
+    let running = known.running.as_ref().map(|running| RunningView {
+        files: running.files.clone(),
+        stage: running.progress.stage(),
+        tried: running.progress.n_tried(),
+        for_s: running.since.elapsed().as_secs_f64(),
+    });
+    Json(StatusView { running, finished: known.n_finished })
+}
+
+async fn result(State(diagnoses): Shared) -> Json<Option<ResultView>> {
+    Json(diagnoses.known().last.clone())
+}
+
+async fn run(State(diagnoses): Shared, body: Bytes) -> Result<Json<ResultView>, Refused> {
+    let progress = Progress::default();
+    let place = {
+        let upload = Upload::parse(&body)?;
+        Place::take(&diagnoses, &upload, &progress)?
+    };
+    // Dropped with this request, when the page leaves.
+    let _request = GiveUp(progress.clone());
+    let work = move || place.diagnose(&Upload::parse(&body)?, &progress);
+    let result = tokio::task::spawn_blocking(work).await;
+    result.map_err(|error| Refused::new(Kind::Refused, format!("the diagnosis failed: {error}")))?.map(Json)
+}
+
+/// Gives a diagnosis up when it is dropped; one that is finished does not notice.
+struct GiveUp(Progress);
+
+impl Drop for GiveUp {
+    fn drop(&mut self) {
+        self.0.cancel();
+    }
+}
+
+impl Diagnoses {
+    fn known(&self) -> MutexGuard<'_, Known> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The only place for a running diagnosis; it is free again when this is dropped.
+struct Place(Arc<Diagnoses>);
+
+impl Place {
+    fn take(diagnoses: &Arc<Diagnoses>, upload: &Upload, progress: &Progress) -> Result<Self, Refused> {
+        let mut known = diagnoses.known();
+        if let Some(Running { files, progress, .. }) = &known.running {
+            let text = match progress.is_cancelled() {
+                true => format!("the diagnosis of {files} is just being given up; try again in a moment"),
+                false => format!("the diagnosis of {files} is running, one at a time; wait for it, or close its page"),
+            };
+            return Err(Refused::new(Kind::Refused, text));
+        }
+        let files = format!("{} and {}", upload.model, upload.data);
+        known.running = Some(Running { files, since: Instant::now(), progress: progress.clone() });
+        Ok(Self(Arc::clone(diagnoses)))
+    }
+
+    fn diagnose(&self, upload: &Upload, progress: &Progress) -> Result<ResultView, Refused> {
+        let folder = tempfile::tempdir().map_err(|error| unwritable(&error))?;
+        let (model, data) = upload.write(folder.path()).map_err(|error| unwritable(&error))?;
+        let refused = |error: FilesError| Refused::new(Kind::Invalid, without(folder.path(), &sentence(&error)));
+        let how = FileOptions {
+            rows: SignalOptions { seed: SEED, progress: progress.clone(), ..SignalOptions::default() },
+            accepts_other_model: upload.accepts_other_model,
+            ..FileOptions::default()
+        };
+        let files = Files { model: &model, data: &data };
+        let found = Subject::read(&model).and_then(|subject| files.diagnose(subject, &how)).map_err(refused)?;
+        // In the folder of the model: files that it names are named as before.
+        let next = folder.path().join("next.toml");
+        let number = found.write_corrected(&next, Keep::Effects).map_err(refused)?;
+        let text = number.map(|_| std::fs::read_to_string(&next)).transpose().map_err(|error| unwritable(&error))?;
+        let corrected = number.zip(text).map(|(number, text)| Corrected::new(&upload.model, number, text));
+        let result = ResultView::new(upload, &found, corrected);
+        let mut known = self.0.known();
+        known.n_finished += 1;
+        known.last = Some(result.clone());
+        Ok(result)
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        self.0.known().running = None;
+    }
+}
+
+/// The server's folder means nothing to a person: files are named as they were sent.
+fn without(folder: &Path, text: &str) -> String {
+    text.replace(&format!("{}/", folder.display()), "")
+}
+
+fn unwritable(error: &std::io::Error) -> Refused {
+    Refused::new(
+        Kind::Refused,
+        format!("the server cannot keep the files: {error}; free space in its folder for temporary files"),
+    )
+}

@@ -1,0 +1,153 @@
+//! A finished diagnosis as pages show it.
+
+use darm_diagnose::files::FileDiagnosis;
+use darm_diagnose::measurement::Finding;
+use darm_diagnose::outcome::{Diagnosis, Verdict};
+use darm_diagnose::report::tables::{sampling_table, tables_and_plots};
+use maud::{Markup, html};
+use serde::Serialize;
+
+use crate::upload::Upload;
+
+/// Notes on rows that are listed.
+const MAX_NOTES: usize = 20;
+
+/// A result.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct ResultView {
+    /// Name of the model's file.
+    model: String,
+    /// Name of the file of measurements.
+    data: String,
+    verdict: Verdict,
+    /// The report, as a part of a page.
+    html: String,
+    /// The corrected model; `None` where there is nothing to correct.
+    corrected: Option<Corrected>,
+    /// The commands that make the table of the next measurement; none of a model that is no arm of words.
+    commands: Vec<CommandView>,
+}
+
+/// A command line to type.
+#[derive(Clone, Debug, Serialize)]
+struct CommandView {
+    title: &'static str,
+    line: String,
+}
+
+/// The file of a corrected model.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Corrected {
+    /// Number of the model.
+    number: u64,
+    /// Name of the file.
+    name: String,
+    /// Its text.
+    text: String,
+}
+
+impl Corrected {
+    /// `arm.toml` and `arm-3.toml` are followed by `arm-4.toml` where the new model has the number 4.
+    pub(crate) fn new(model: &str, number: u64, text: String) -> Self {
+        let stem = model.rsplit_once('.').map_or(model, |(stem, _)| stem);
+        let is_number = |end: &str| !end.is_empty() && end.bytes().all(|byte| byte.is_ascii_digit());
+        let stem = stem.rsplit_once('-').filter(|(_, end)| is_number(end)).map_or(stem, |(stem, _)| stem);
+        Self { number, name: format!("{stem}-{number}.toml"), text }
+    }
+}
+
+impl ResultView {
+    pub(crate) fn new(upload: &Upload, found: &FileDiagnosis, corrected: Option<Corrected>) -> Self {
+        let diagnosis = &found.diagnosis;
+        Self {
+            model: upload.model.clone(),
+            data: upload.data.clone(),
+            verdict: diagnosis.verdict,
+            html: report(diagnosis).into_string(),
+            commands: commands(found, corrected.as_ref().map_or(&upload.model, |corrected| &corrected.name)),
+            corrected,
+        }
+    }
+}
+
+/// How the next measurement of an arm is made: of the words that distinguish the candidates, where words alone say it, or of
+/// those that are most informative about any missing effect.
+fn commands(found: &FileDiagnosis, model: &str) -> Vec<CommandView> {
+    let Some(arm) = found.arm() else { return Vec::new() };
+    let next = found.diagnosis.next_measurement.as_ref().filter(|next| !next.words.is_empty() && arm.n_servos() == 0);
+    let words = next.map(|next| CommandView {
+        title: "Measure these words next",
+        line: format!("darm table {model} --words {} -o next.darm", next.words.join(" ")),
+    });
+    let plan = CommandView { title: "Plan again", line: format!("darm table {model} --measurement-plan -o plan.darm") };
+    words.into_iter().chain([plan]).collect()
+}
+
+fn report(diagnosis: &Diagnosis) -> Markup {
+    let (verdict, others) = match &diagnosis.plain[..] {
+        [verdict, others @ ..] => (verdict.as_str(), others),
+        [] => ("", &[][..]),
+    };
+    html! {
+        section #verdict-section tabindex="-1" aria-labelledby="verdict-title" data-verdict=(diagnosis.verdict) {
+            h2 #verdict-title { "Verdict" }
+            p.verdict { (verdict) }
+            @for sentence in others { p { (sentence) } }
+            p.next { b { "Next: " } (next_step(diagnosis)) }
+        }
+        section aria-labelledby="sampling-title" {
+            h2 #sampling-title { "Measurements" }
+            (sampling_table(diagnosis))
+            (notes(&diagnosis.findings))
+        }
+        section.report aria-labelledby="evidence-title" {
+            h2 #evidence-title { "Evidence" }
+            (tables_and_plots(diagnosis))
+            p.note { "darm " (diagnosis.version) ", seed " (diagnosis.seed) "; `darm diagnose` has more options for rows and columns." }
+        }
+    }
+}
+
+fn notes(findings: &[Finding]) -> Markup {
+    html! {
+        @if !findings.is_empty() {
+            h3 { "Notes" }
+            ul.notes { @for finding in findings.iter().take(MAX_NOTES) { li { (finding) } } }
+            @if findings.len() > MAX_NOTES { p { "and " (findings.len() - MAX_NOTES) " more" } }
+        }
+    }
+}
+
+/// What a person does next.
+fn next_step(diagnosis: &Diagnosis) -> &'static str {
+    match diagnosis.verdict {
+        Verdict::EffectFound => {
+            "write the corrected model, make the next table from it, and record again: the error should be near the \
+             repeatability."
+        }
+        Verdict::PartlyExplained => {
+            "write the corrected model, and look below at what the residual correlates with: another cause is left."
+        }
+        Verdict::NoEffect => "keep the model: these measurements show nothing that it is missing.",
+        Verdict::UnexplainedStructure => {
+            "look below at what the residual correlates with, and record again with that quantity measured or varied."
+        }
+        Verdict::NotIdentifiable => "measure what is proposed below: it distinguishes the candidates.",
+        Verdict::TooLittleData => "record again, with more rows and with some of them repeated.",
+        Verdict::WrongModelOrLog => "correct the model or the log, and diagnose again.",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Corrected;
+
+    #[test]
+    fn a_corrected_model_is_named_by_its_number() {
+        let name = |model: &str| Corrected::new(model, 4, String::new()).name;
+        assert_eq!(
+            ["arm.toml", "arm-3.toml", "my-arm.toml", "robot.urdf", "arm"].map(name),
+            ["arm-4.toml", "arm-4.toml", "my-arm-4.toml", "robot-4.toml", "arm-4.toml"]
+        );
+    }
+}

@@ -1,0 +1,59 @@
+//! The page of the diagnosis: files in, verdict and evidence out.
+
+use maud::{Markup, html};
+
+use crate::upload::MAX_FILES;
+
+pub(super) fn diagnosis() -> Markup {
+    html! {
+        h1.hidden { "Diagnosis" }
+        section aria-labelledby="files-title" {
+            h2 #files-title { "Model and measurements" }
+            form #files data-max-bytes=(MAX_FILES) {
+                div #drop .drop {
+                    p.wide { "Drop the files here together, or choose them:" }
+                    div.field {
+                        label for="model" { "Model" }
+                        input #model type="file" accept=".toml,.urdf,.xml" aria-describedby="model-help";
+                        p #model-help .note { "arm file, URDF, MJCF, or the TOML of an experiment" }
+                    }
+                    div.field {
+                        label for="data" { "Measurements" }
+                        input #data type="file" accept=".csv,.gz,.mcap" aria-describedby="data-help";
+                        p #data-help .note { "CSV (.csv, .csv.gz) or MCAP, as of " code { "darm record" } }
+                    }
+                    div.field {
+                        label for="more" { "Files that the model names" }
+                        input #more type="file" accept=".urdf,.xml,.toml" multiple aria-describedby="more-help";
+                        p #more-help .note { "the URDF of an experiment; none for an arm" }
+                    }
+                    // No box to tick: the space bar is the stop.
+                    div.field {
+                        label for="other-model" { "Recording of the table of another arm" }
+                        select #other-model { option value="refuse" { "refuse" } option value="accept" { "accept" } }
+                    }
+                }
+                p.note { "At most " (MAX_FILES >> 20) " MB together. The files stay on the computer of " code { "darm serve" } "; nothing is sent to the board." }
+                p #files-note .note role="status" {}
+                div.buttons {
+                    button #diagnose type="submit" disabled { "Diagnose" }
+                    button #cancel type="button" disabled { "Cancel" }
+                }
+            }
+            p #failure .alert role="alert" hidden {}
+            div #progress hidden {
+                progress aria-labelledby="progress-text" {}
+                p #progress-text role="status" {}
+            }
+        }
+        section #actions aria-labelledby="actions-title" hidden {
+            h2 #actions-title { "Result of " span #result-files {} }
+            div.buttons {
+                button #write type="button" { "Write the corrected model" }
+            }
+            dl #commands .commands {}
+            p #actions-note .note role="status" {}
+        }
+        div #result {}
+    }
+}

@@ -1,0 +1,129 @@
+//! Files that a page sends together: a line of JSON with their names and lengths, then their bytes one after the other.
+//!
+//! ```text
+//! {"model":{"name":"arm.toml","bytes":1834},"data":{"name":"run.csv","bytes":20671},"more":[]}⏎
+//! bytes of the model, of the data, of each further file
+//! ```
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+
+use crate::refusal::{Kind, Refused};
+
+/// Largest upload of files, bytes.
+pub const MAX_FILES: usize = 64 << 20;
+/// Longest name of a file, bytes.
+const MAX_NAME: usize = 100;
+
+/// The first line of an upload.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Head {
+    model: Named,
+    data: Named,
+    #[serde(default)]
+    more: Vec<Named>,
+    #[serde(default)]
+    other_model: bool,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Named {
+    name: String,
+    bytes: usize,
+}
+
+/// A model, measurements, and the files that the model names.
+#[derive(Debug)]
+pub struct Upload<'a> {
+    /// Name of the model's file.
+    pub model: String,
+    /// Name of the file of measurements.
+    pub data: String,
+    /// Whether a recording of the table of another arm is accepted.
+    pub accepts_other_model: bool,
+    files: Vec<(String, &'a [u8])>,
+}
+
+impl<'a> Upload<'a> {
+    /// Parts the body of a request.
+    ///
+    /// # Errors
+    ///
+    /// The body is no upload, a name is none of a file, or two files have one name.
+    pub fn parse(body: &'a [u8]) -> Result<Self, Refused> {
+        let invalid = |text: String| Refused::new(Kind::Invalid, text);
+        let end = body.iter().position(|byte| *byte == b'\n').unwrap_or(body.len());
+        let head: Head = serde_json::from_slice(&body[..end])
+            .map_err(|error| invalid(format!("the first line does not list the files: {error}")))?;
+        let (model, data) = (head.model.name.clone(), head.data.name.clone());
+        let mut rest = body.get(end + 1..).unwrap_or_default();
+        let mut files: Vec<(String, &[u8])> = Vec::new();
+        for Named { name, bytes } in [head.model, head.data].into_iter().chain(head.more) {
+            if !is_plain(&name) {
+                return Err(invalid(format!("{name:?} is not the name of a file; rename it")));
+            }
+            if files.iter().any(|(other, _)| *other == name) {
+                return Err(invalid(format!("two files have the name {name}; rename one of them")));
+            }
+            let (own, others) = rest
+                .split_at_checked(bytes)
+                .ok_or_else(|| invalid(format!("{name} arrived incomplete; choose the files again")))?;
+            rest = others;
+            files.push((name, own));
+        }
+        Ok(Self { model, data, accepts_other_model: head.other_model, files })
+    }
+
+    /// Writes the files into a folder; the paths of model and measurements.
+    ///
+    /// # Errors
+    ///
+    /// A file cannot be written.
+    pub fn write(&self, folder: &Path) -> io::Result<(PathBuf, PathBuf)> {
+        for (name, bytes) in &self.files {
+            std::fs::write(folder.join(name), bytes)?;
+        }
+        Ok((folder.join(&self.model), folder.join(&self.data)))
+    }
+}
+
+/// Whether a name is that of a file in one folder, on every system.
+fn is_plain(name: &str) -> bool {
+    let is_odd = |c: char| c.is_control() || matches!(c, '/' | '\\' | ':');
+    !name.is_empty() && name.len() <= MAX_NAME && !name.starts_with('.') && !name.contains(is_odd)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Upload;
+
+    #[test]
+    fn files_are_parted_by_their_lengths() {
+        let body = b"{\"model\":{\"name\":\"a.toml\",\"bytes\":2},\"data\":{\"name\":\"b.csv\",\"bytes\":3}}\nAB1\n2";
+        let upload = Upload::parse(body).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let (model, data) = upload.write(folder.path()).unwrap();
+        assert_eq!((std::fs::read(model).unwrap(), std::fs::read(data).unwrap()), (b"AB".to_vec(), b"1\n2".to_vec()));
+    }
+
+    #[test]
+    fn names_that_leave_the_folder_and_files_that_are_cut_are_refused() {
+        let body = |name: &str, bytes: usize| {
+            let head = format!(
+                "{{\"model\":{{\"name\":{name:?},\"bytes\":{bytes}}},\"data\":{{\"name\":\"b\",\"bytes\":0}}}}"
+            );
+            format!("{head}\nAB").into_bytes()
+        };
+        assert!(Upload::parse(&body("a.toml", 2)).is_ok());
+        for name in ["../a.toml", "/etc/a", "a\\b", "", ".hidden", "c:a", "a\u{7}"] {
+            assert!(Upload::parse(&body(name, 2)).is_err(), "{name:?}");
+        }
+        assert!(Upload::parse(&body("b", 2)).unwrap_err().text.contains("two files"));
+        assert!(Upload::parse(&body("a.toml", 3)).unwrap_err().text.contains("incomplete"));
+        assert!(Upload::parse(b"").is_err() && Upload::parse(b"{}\n").is_err());
+    }
+}
