@@ -81,11 +81,15 @@ async function showProgress() {
     try {
       const { running: now } = await get('/api/diagnosis');
       const tried = now?.tried ? `, ${now.tried} models tried` : '';
-      if (now && running) setText(byId('progress-text'), `${STAGES[now.stage]}${tried}`);
+      if (!now || !running) continue;
+      // Apart from the stage, which a screen reader says when it changes.
+      setText(byId('progress-text'), STAGES[now.stage]);
+      setText(byId('tried'), tried);
     } catch {
       // The frame says that the server does not answer.
+    } finally {
+      await new Promise((wake) => setTimeout(wake, POLL_MS));
     }
-    await new Promise((wake) => setTimeout(wake, POLL_MS));
   }
 }
 
@@ -93,6 +97,7 @@ async function diagnose() {
   showFailure(null);
   running = new AbortController();
   setText(byId('progress-text'), 'Sending the files');
+  setText(byId('tried'), '');
   byId('progress').hidden = false;
   showFiles();
   showProgress();
@@ -120,7 +125,10 @@ function show(shown) {
   byId('actions').hidden = !result;
   if (!result) return;
   setText(byId('result-files'), `${result.model} and ${result.data}`);
+  // What can be done stands behind the verdict.
+  byId('result').before(byId('actions'));
   byId('result').innerHTML = result.html;
+  byId('verdict-section').after(byId('actions'));
   for (const table of byId('result').querySelectorAll('table')) {
     const frame = make('div', { className: 'scroll', tabIndex: 0, role: 'region', ariaLabel: `Table: ${headingOf(table)}` });
     table.replaceWith(frame);

@@ -72,6 +72,11 @@ impl<'a> Upload<'a> {
             let (own, others) = rest
                 .split_at_checked(bytes)
                 .ok_or_else(|| invalid(format!("{name} arrived incomplete; choose the files again")))?;
+            if let Some(path) = path_elsewhere(&name, own) {
+                return Err(invalid(format!(
+                    "{name} names {path:?}, and only files that are sent with it are read; name it without a folder"
+                )));
+            }
             rest = others;
             files.push((name, own));
         }
@@ -91,6 +96,18 @@ impl<'a> Upload<'a> {
     }
 }
 
+/// A path in the file of a model that may lead out of its folder: what a page sends makes the server read no other file.
+fn path_elsewhere<'t>(name: &str, bytes: &'t [u8]) -> Option<&'t str> {
+    let is_model = [".toml", ".urdf", ".xml"].iter().any(|end| name.to_ascii_lowercase().ends_with(end));
+    let text = std::str::from_utf8(bytes).ok().filter(|_| is_model)?;
+    // Which pieces are within quotes is not asked, and what could write a path in other characters is refused too.
+    let leads_out = |piece: &&str| {
+        let is_absolute = piece.starts_with(['/', '~']) && !piece.starts_with("/>") || piece.starts_with("file:");
+        is_absolute || ["..", "&#", "\\"].iter().any(|odd| piece.contains(odd))
+    };
+    text.lines().flat_map(|line| line.split(['"', '\''])).find(leads_out)
+}
+
 /// Whether a name is that of a file in one folder, on every system.
 fn is_plain(name: &str) -> bool {
     let is_odd = |c: char| c.is_control() || matches!(c, '/' | '\\' | ':');
@@ -108,6 +125,23 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (model, data) = upload.write(folder.path()).unwrap();
         assert_eq!((std::fs::read(model).unwrap(), std::fs::read(data).unwrap()), (b"AB".to_vec(), b"1\n2".to_vec()));
+    }
+
+    #[test]
+    fn a_model_that_names_files_elsewhere_is_refused() {
+        let upload = |name: &str, text: &str| {
+            let head = format!(
+                "{{\"model\":{{\"name\":{name:?},\"bytes\":{}}},\"data\":{{\"name\":\"b\",\"bytes\":0}}}}",
+                text.len()
+            );
+            Upload::parse(format!("{head}\n{text}").as_bytes()).map(|_| ()).map_err(|refused| refused.text)
+        };
+        assert_eq!(upload("a.toml", "urdf = \"tx40.urdf\""), Ok(()));
+        assert_eq!(upload("a.urdf", "<mesh filename=\"package://tx40/link.stl\"/>"), Ok(()));
+        for path in ["/etc/passwd", "../other.urdf", "file:///etc/passwd", "&#47;etc", "\\u002fetc"] {
+            assert!(upload("a.toml", &format!("urdf = \"{path}\"")).unwrap_err().contains(&format!("{path:?}")));
+            assert!(upload("a.xml", &format!("<include file='{path}'/>")).unwrap_err().contains(&format!("{path:?}")));
+        }
     }
 
     #[test]

@@ -212,7 +212,7 @@ fn selection_path(d: &Diagnosis, unit: &'static str) -> Markup {
                             td { (tried.candidate.law) }
                             td { (tried.candidate.text) }
                             td.num { (with_unit(tried.cross_validated, unit)) }
-                            td.bar { (bar(tried.cross_validated / worst)) }
+                            td.share { (bar(tried.cross_validated / worst)) }
                             td.reason { (reason(d, tried)) }
                         }
                     }

@@ -43,7 +43,7 @@ pub(super) fn diagnosis() -> Markup {
             p #failure .alert role="alert" hidden {}
             div #progress hidden {
                 progress aria-labelledby="progress-text" {}
-                p #progress-text role="status" {}
+                p { span #progress-text role="status" {} span #tried {} }
             }
         }
         section #actions aria-labelledby="actions-title" hidden {
