@@ -141,15 +141,22 @@ fn a_person_diagnoses_a_recording_in_a_browser() {
         let is_wide = "document.documentElement.scrollWidth > document.documentElement.clientWidth";
         assert_eq!(browser.value(is_wide), false, "the page scrolls sideways at {width} px");
         zoom(&browser);
-        browser.click("#write");
+        enter(&browser, "#write");
         browser.wait("document.querySelector('#actions-note').textContent.startsWith('Wrote planar4-')");
         // An error has its place; the former result stays.
         browser.choose("#data", example("planar4-frames.toml").to_str().unwrap());
-        browser.click("#diagnose");
+        enter(&browser, "#diagnose");
         browser.wait("document.querySelector('#failure').textContent.includes('planar4-frames.toml')");
         browser.open(&format!("http://{}/diagnosis", bench.address()));
         browser.wait("document.querySelector('#verdict-section')?.dataset.verdict === 'effect-found'");
     }
+}
+
+/// Presses a button by the keyboard, once it can be pressed.
+fn enter(browser: &Browser, selector: &str) {
+    browser.wait(&format!("document.querySelector('{selector}').disabled === false"));
+    browser.value(&format!("document.querySelector('{selector}').focus()"));
+    browser.press("\u{E007}");
 }
 
 /// By keys, and back.
