@@ -19,8 +19,10 @@ use crate::error::{DiagnoseError, MIN_PIECES, MIN_WORDS};
 use crate::judge;
 use crate::judge::held_out::HeldOut;
 use crate::judge::next_words::Proposal;
+use crate::judge::regression::of_axis;
 use crate::judge::selected::{SelectedPoses, SelectedSignals};
 use crate::linearise::experiment::Experiment;
+use crate::linearise::laws::demean;
 use crate::linearise::linearise;
 use crate::linearise::model::Model;
 use crate::linearise::model_effects::{self, ModelEffect};
@@ -34,6 +36,7 @@ use crate::prepare::repeatability::{self, Noise};
 use crate::prepare::signals::{Preparation, PrepareError, Prepared};
 use crate::progress::{Progress, Stage};
 use crate::project::{Projected, project};
+use crate::rejection::{self, Rejection, is_of_one_law, sorted};
 use crate::report::{self, Summary, sentences};
 use crate::select::cross_validation::folds;
 use crate::select::forward::{Selection, forward_selection};
@@ -54,13 +57,15 @@ pub struct Options {
     pub seed: u64,
     /// How many words a proposed measurement has.
     pub next_words: usize,
+    /// Effects that are no candidates.
+    pub rejected: Vec<Rejection>,
     /// How far it is.
     pub progress: Progress,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { seed: 1, next_words: 12, progress: Progress::default() }
+        Self { seed: 1, next_words: 12, rejected: Vec::new(), progress: Progress::default() }
     }
 }
 
@@ -71,6 +76,8 @@ pub struct SignalOptions {
     pub preparation: Preparation,
     /// Laws that are in the model from the start, each at all its places.
     pub always: Vec<String>,
+    /// Effects that are no candidates.
+    pub rejected: Vec<Rejection>,
     /// Reported; nothing is drawn by chance.
     pub seed: u64,
     /// How far it is.
@@ -107,7 +114,7 @@ pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Outcome<ArmCo
     let (judgement, with_terms) = judge::poses::judge(&selected, &start, rivals, how).map_err(no_pose)?;
     options.progress.check()?;
     let summary = report::poses::summary(&selected, path, options.seed).map_err(no_pose)?;
-    let summary = Summary { findings, ..summary };
+    let summary = Summary { findings, rejected: options.rejected.clone(), ..summary };
     let diagnosis = report::diagnosis(summary, judgement, |diagnosis| {
         sentences::of_poses(arm, diagnosis, &selected.effects(), with_terms.as_ref())
     });
@@ -141,7 +148,9 @@ fn prepare_poses(arm: &Arm, run: &Run, repeats: Option<&Noise>, options: &Option
     if folds.iter().all(|fold| *fold == folds[0]) {
         return Err(DiagnoseError::OneGroup { selection: run.choice.description.clone() });
     }
-    let problem = ToolPoses::new(training, held_out, folds).with_progress(options.progress.clone());
+    let problem = ToolPoses::new(training, held_out, folds)
+        .without(rejection::of_arm(arm, &options.rejected)?)
+        .with_progress(options.progress.clone());
     if repeats.is_some() {
         return Ok(problem);
     }
@@ -223,7 +232,8 @@ fn select(
 ) -> Result<SelectedSignals, DiagnoseError> {
     options.progress.enter(Stage::Prepare)?;
     let data = Prepared::new(table.clone(), &options.preparation, each)?;
-    let mut experiment = linearise(model, &data)?;
+    let (mut experiment, rejected) =
+        rejection::of_signals(linearise(model, &data)?, &model.effects, &options.rejected)?;
     check_numbers(&experiment)?;
     // A column that overflows determines nothing.
     let values = experiment.candidates.iter_mut().flat_map(|candidate| &mut candidate.values);
@@ -255,7 +265,7 @@ fn select(
         let text = "the noise and the fit that it weighs did not settle: intervals may be too narrow";
         findings.push(Finding::note(FindingKind::NoConvergence, text));
     }
-    Ok(SelectedSignals { problem, best, n_known, impossible, path, agreement, held_out, findings })
+    Ok(SelectedSignals { problem, best, n_known, impossible, rejected, path, agreement, held_out, findings })
 }
 
 /// Judges and reports.
@@ -267,9 +277,10 @@ fn conclude(
 ) -> Outcome<SignalCorrection> {
     let judgement = judge::signals::judge(selected, pooled, options.preparation.lowpass_hz.is_some());
     let summary = report::signals::summary(selected, pooled, options.seed);
+    let summary = Summary { rejected: options.rejected.clone(), ..summary };
     let diagnosis = report::diagnosis(summary, judgement, sentences::of_signals);
     let effects = model_effects::merge(&model.effects, in_model(selected));
-    let correction = SignalCorrection { effects, terms: terms(&diagnosis) };
+    let correction = SignalCorrection { effects, terms: terms(&diagnosis, selected) };
     Outcome { diagnosis, correction }
 }
 
@@ -284,12 +295,28 @@ fn in_model(selected: &SelectedSignals) -> Vec<ModelEffect> {
 }
 
 /// What remains along one signal, as fitted terms.
-fn terms(diagnosis: &Diagnosis) -> Vec<ModelEffect> {
+fn terms(diagnosis: &Diagnosis, selected: &SelectedSignals) -> Vec<ModelEffect> {
     let term = |one: &Dependence| {
         let axis = one.axis.as_deref()?;
         (!one.curve.is_empty()).then(|| ModelEffect::fitted_term(axis, &one.variable, &one.curve))
     };
-    diagnosis.remaining.depends_on.iter().filter_map(term).collect()
+    let all: Vec<ModelEffect> = diagnosis.remaining.depends_on.iter().filter_map(term).collect();
+    let signal = |term: &ModelEffect| (term.place.clone(), term.along.clone());
+    let replacing: Vec<_> = all.iter().filter(|term| replaces_rejected(term, selected)).map(signal).collect();
+    all.into_iter().filter(|term| !replacing.contains(&signal(term))).collect()
+}
+
+/// Whether a fitted term adds what a rejected law would.
+fn replaces_rejected(term: &ModelEffect, selected: &SelectedSignals) -> bool {
+    let experiment = &selected.problem.experiment;
+    let n_axes = experiment.axes.len();
+    let axis = experiment.axes.iter().position(|axis| axis.name == term.place);
+    let channel = experiment.channels.iter().find(|(name, _)| Some(name) == term.along.as_ref());
+    let Some((axis, (_, channel))) = axis.zip(channel) else { return false };
+    let added = demean(&channel.iter().map(|channel| term.at(*channel)).collect::<Vec<f64>>());
+    let values = selected.rejected.iter().flat_map(|one| one.values.iter().map(|value| (one.law, value)));
+    let columns = values.map(|(law, value)| (law, demean(&of_axis(&value.column, n_axes, axis))));
+    is_of_one_law(&added, columns.collect())
 }
 
 /// The candidates of the laws that are always in the model; of a law with several shapes the first.
@@ -300,10 +327,8 @@ fn always(experiment: &Experiment, laws: &[String]) -> Result<Vec<usize>, Diagno
         let law = Law::named(name);
         let all: Vec<usize> = (0..candidates.len()).filter(|&k| Some(candidates[k].law) == law).collect();
         if all.is_empty() {
-            let mut known: Vec<&str> = candidates.iter().map(|candidate| candidate.law.as_str()).collect();
-            known.sort_unstable();
-            known.dedup();
-            return Err(DiagnoseError::UnknownLaw { law: name.clone(), known: known.join(", ") });
+            let known = sorted(candidates.iter().map(|candidate| candidate.law.as_str()), ", ");
+            return Err(DiagnoseError::UnknownLaw { law: name.clone(), known });
         }
         for k in all {
             if !active.iter().any(|&other| candidates[other].is_same(&candidates[k])) {

@@ -83,6 +83,24 @@ pub enum DiagnoseError {
         /// Those that there are.
         known: String,
     },
+    /// A place where a law does not act, or that does not exist.
+    #[error("no {law} at {place} here; it is tried at {known}")]
+    UnknownPlace {
+        /// The law.
+        law: String,
+        /// The place.
+        place: String,
+        /// Where it is tried.
+        known: String,
+    },
+    /// A rejected effect that the model has.
+    #[error("the model has {law} at {place}, which is rejected: remove it from the model's file first")]
+    RejectedIsKnown {
+        /// The law.
+        law: Law,
+        /// The place.
+        place: String,
+    },
     /// An effect of the model that these rows have no place for.
     #[error("the model has {law} at {place}, and this measurement has no such place: is this the right model?")]
     NoSuchPlace {

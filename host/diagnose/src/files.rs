@@ -127,7 +127,12 @@ impl Files<'_> {
             }
             origin => origin.and_then(|origin| origin.finding(&arm)),
         };
-        let options = Options { seed: rows.seed, progress: rows.progress.clone(), ..Options::default() };
+        let options = Options {
+            seed: rows.seed,
+            rejected: rows.rejected.clone(),
+            progress: rows.progress.clone(),
+            ..Options::default()
+        };
         let found = diagnose(&arm, &run, &options).map_err(|error| self.in_data(error))?;
         let findings = read.into_iter().chain(origin).chain(found.diagnosis.findings).collect();
         let diagnosis = Diagnosis { findings, ..found.diagnosis };

@@ -29,6 +29,7 @@ pub mod outcome;
 pub mod prepare;
 pub mod progress;
 pub mod project;
+pub mod rejection;
 pub mod report;
 pub mod select;
 

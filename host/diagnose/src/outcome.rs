@@ -18,6 +18,7 @@
 //! | `outliers` | rows that no model explains, by line |
 //! | `next_measurement` | what to measure to distinguish alternatives, or null |
 //! | `selection_path`, `condition` | every effect that was tried; condition number of the information, of tool poses |
+//! | `rejected` | effects that the user rejected, with the reasons: they were no candidates |
 //! | `plain`, `findings` | the sentences of the report; what was found in the table, by line and column |
 //! | `points` | residuals of rows, for plots |
 //! | `seed`, `version` | of the shuffling into folds; of this program |
@@ -35,6 +36,7 @@ use crate::effect::{Law, Site, as_str};
 pub use crate::measured::Measured;
 use crate::measurement::Finding;
 pub use crate::misreading::Misreading;
+pub use crate::rejection::Rejection;
 pub use crate::select::forward::SelectionStep;
 pub use structure::{Dependence, Regressor, Shape, Structure, frame_name_of};
 
@@ -80,6 +82,8 @@ pub struct Diagnosis {
     pub next_measurement: Option<NextMeasurement>,
     /// The same for a person, a sentence each.
     pub plain: Vec<String>,
+    /// Effects that the user rejected: they were no candidates.
+    pub rejected: Vec<Rejection>,
     /// What the owner of the data should know.
     pub findings: Vec<Finding>,
     /// Residuals of each row for plots.

@@ -11,6 +11,7 @@ pub mod tables;
 use crate::judge::Judgement;
 use crate::measurement::Finding;
 use crate::outcome::{BeforeAfter, Diagnosis, Measured, OtherReading, Outlier, Point, Rows, SelectionStep};
+use crate::rejection::Rejection;
 
 /// What a report shows of the rows of a measurement and of the search.
 pub(crate) struct Summary {
@@ -26,14 +27,15 @@ pub(crate) struct Summary {
     pub(crate) condition: Option<f64>,
     pub(crate) points: Vec<Point>,
     pub(crate) findings: Vec<Finding>,
+    pub(crate) rejected: Vec<Rejection>,
     pub(crate) seed: u64,
 }
 
-/// The diagnosis; `sentences` words it once its data are there.
+/// The diagnosis; `worded` words it once its data are there.
 pub(crate) fn diagnosis(
     summary: Summary,
     judgement: Judgement,
-    sentences: impl Fn(&Diagnosis) -> Vec<String>,
+    worded: impl Fn(&Diagnosis) -> Vec<String>,
 ) -> Diagnosis {
     let data = Diagnosis {
         kind: summary.kind,
@@ -56,9 +58,11 @@ pub(crate) fn diagnosis(
         next_measurement: judgement.next_measurement,
         plain: Vec::new(),
         findings: summary.findings,
+        rejected: summary.rejected,
         points: summary.points,
         seed: summary.seed,
         version: env!("CARGO_PKG_VERSION"),
     };
-    Diagnosis { plain: sentences(&data), ..data }
+    let plain = worded(&data).into_iter().chain(sentences::of_rejections(&data.rejected)).collect();
+    Diagnosis { plain, ..data }
 }

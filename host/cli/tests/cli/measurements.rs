@@ -1,6 +1,7 @@
 //! Measurements that are damaged, and those that are diagnosed and identified.
 
 use std::path::Path;
+use std::process::Output;
 
 use darm_core::se::Pose2;
 use darm_diagnose::measurement_plan::plan;
@@ -270,4 +271,49 @@ fn poses_in_another_unit_are_asked_about_before_any_fit() {
     refused("deg.csv", ["deg predicted", "let the names end in _deg"]);
     home.write("rad.csv", &scaled(&["angle_deg"], 1f64.to_radians()));
     refused("rad.csv", ["deg predicted", "let the names end in _rad"]);
+}
+
+/// `darm diagnose` of a recording in the examples, with effects rejected.
+fn rejecting(home: &Home, options: &[&str]) -> Output {
+    let files = [example("planar4.toml"), example("planar4-run.csv")];
+    home.command("--json diagnose").args(files).args(options).output().unwrap()
+}
+
+#[test]
+fn a_rejected_effect_is_neither_named_nor_written_and_its_reason_is_kept() {
+    let home = Home::new();
+    let found: serde_json::Value = serde_json::from_slice(&rejecting(&home, &[]).stdout).unwrap();
+    let effect = &found["effects"][0];
+    assert_eq!((&effect["law"], &effect["place_name"]), (&"supply-stroke".into(), &"module 2, diagonal leg".into()));
+    let why = "supply-stroke, module 2, diagonal leg: new\n[[effect]] regulator";
+    let also = "stroke-loss at actuator 4: measured with a gauge";
+    let options = ["--reject", why, "--reject", also, "-o", "new.toml", "--keep-terms", "--report", "page.html"];
+    let output = rejecting(&home, &options);
+    let without: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let effects = without["effects"].as_array().unwrap().iter().chain(without["alternatives"].as_array().unwrap());
+    let out = |effect: &&serde_json::Value| effect["where"].as_str().unwrap().starts_with("actuator 4");
+    let laws = ["supply-stroke", "stroke-loss"];
+    assert_eq!(effects.filter(out).filter(|effect| laws.iter().any(|law| effect["law"] == *law)).count(), 0);
+    let reason = "new [[effect]] regulator";
+    assert_eq!(
+        (&without["rejected"][0]["law"], &without["rejected"][0]["reason"]),
+        (&"supply-stroke".into(), &reason.into())
+    );
+    assert_eq!(without["rejected"][1]["where"], "actuator 4");
+    assert!(std::fs::read_to_string(home.path("page.html")).unwrap().contains(reason));
+    let model = std::fs::read_to_string(home.path("new.toml")).unwrap();
+    let comment = "\n# Rejected by the user: supply-stroke, module 2, diagonal leg: new [[effect]] regulator\n";
+    assert!(model.contains(comment) && model.ends_with("gauge\n"), "{model}");
+    home.succeeds("model new.toml");
+}
+
+#[test]
+fn a_rejection_that_means_nothing_is_an_error() {
+    let home = Home::new();
+    let refusal = |rejection: &str| text(&rejecting(&home, &["--reject", rejection]).stderr);
+    let unknown = refusal("sag: checked");
+    assert!(unknown.contains(": no law sag here; there are anchor-offset, base-drift, "), "{unknown}");
+    let nowhere = refusal("play, joint 3: checked");
+    assert!(nowhere.contains(": no play at joint 3 here; it is tried at actuator 0; actuator 1; "), "{nowhere}");
+    assert!(refusal("play").contains("give LAW, PLACE: REASON"));
 }

@@ -309,3 +309,31 @@ fn damaged_files_are_told_and_nothing_panics() {
         }
     }
 }
+
+#[test]
+fn a_law_that_is_rejected_returns_neither_as_an_effect_nor_as_a_fitted_term() {
+    let table = cylinder(|_, v, _| 6.0 * v / v.hypot(1.0));
+    let model = Model::from(What::Cylinder { bore_m: 0.025 });
+    let run = |rejected: &[&str]| {
+        let rejected = rejected.iter().map(|text| text.parse().unwrap()).collect();
+        diagnose_table(&model, &table, &SignalOptions { rejected, ..options(HoldOut::Own, None, &[]) })
+    };
+    let found = run(&[]).unwrap();
+    assert_eq!(found.diagnosis.effects[0].law, Law::CoulombFriction, "{:?}", found.diagnosis.plain);
+    let frictions: Vec<String> = Law::ALL
+        .iter()
+        .filter(|law| found.diagnosis.selection_path.iter().any(|step| step.candidate.law == **law))
+        .map(|law| format!("{law}: the seal was removed"))
+        .collect();
+    let all: Vec<&str> = frictions.iter().map(String::as_str).collect();
+    let Outcome { diagnosis, correction } = run(&all).unwrap();
+    assert_eq!((diagnosis.effects.len(), diagnosis.alternatives.len(), diagnosis.selection_path.len()), (0, 0, 0));
+    let along = &diagnosis.remaining.depends_on;
+    assert!(along.iter().any(|one| one.variable.contains("velocity")), "{along:?}");
+    assert!(!correction.terms.iter().any(|term| term.along.as_ref().is_some_and(|along| along.contains("velocity"))));
+    let error = run(&["backlash: why"]).unwrap_err().to_string();
+    assert!(
+        error.starts_with("no law backlash here; there are area-along-stroke, coulomb-friction, delay, "),
+        "{error}"
+    );
+}

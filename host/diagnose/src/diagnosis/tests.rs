@@ -206,3 +206,76 @@ fn every_law_is_a_candidate() {
     let law: &dyn Law<f64> = supply.law();
     assert_eq!(law.place(), Place::Arm);
 }
+
+/// All that a diagnosis names, says or tried.
+fn mentioned(diagnosis: &Diagnosis) -> String {
+    let steps = diagnosis.selection_path.iter().map(|step| format!("{} {}\n", step.candidate.law, step.candidate.text));
+    let others = diagnosis.alternatives.iter().map(|other| format!("{} {}\n", other.law, other.site));
+    steps
+        .chain(others)
+        .chain(diagnosis.effects.iter().map(|effect| format!("{} {}\n", effect.law, effect.site)))
+        .collect()
+}
+
+fn rejecting(texts: &[&str]) -> Options {
+    Options { rejected: texts.iter().map(|text| text.parse().unwrap()).collect(), ..Options::default() }
+}
+
+#[test]
+fn an_effect_that_is_rejected_is_no_candidate_anywhere() {
+    let (arm, run) = (arm(), measured(&arm(), &[stroke_loss()], changing));
+    let options =
+        rejecting(&["stroke-loss, module 2, diagonal leg: measured with a gauge", "supply-stroke at actuator 4: why"]);
+    let Outcome { diagnosis, correction } = diagnose(&arm, &run, &options).unwrap();
+    let mentioned = mentioned(&diagnosis);
+    assert!(mentioned.contains("stroke-loss actuator 3, state 1\n"), "{mentioned}");
+    for absent in
+        ["stroke-loss actuator 4", "supply-stroke actuator 4", "supply-stroke module 1\n", "supply-stroke arm"]
+    {
+        assert!(!mentioned.contains(absent), "{absent}");
+    }
+    assert!(mentioned.contains("supply-stroke module 2\n"), "{mentioned}");
+    let is_out = |effect: &Effect<f64>| candidate::same(effect, &stroke_loss());
+    assert!(!correction.best_effects.iter().any(is_out));
+    assert_eq!(diagnosis.rejected, options.rejected);
+    let last = "stroke-loss, module 2, diagonal leg: measured with a gauge; supply-stroke, actuator 4: why.";
+    assert!(diagnosis.plain.last().unwrap().ends_with(last), "{:?}", diagnosis.plain);
+}
+
+#[test]
+fn no_fitted_term_stands_for_an_effect_that_is_rejected() {
+    let arm = arm();
+    let growth: Effect<f64> = ThermalGrowth { at: Place::Arm, expansion_per_k: 1e-4 }.into();
+    let run = measured(&arm, &[growth], |time_s| (5.5e5, 293.15 + 10.0 * (time_s / 9.0).sin()));
+    let all = candidate::all(&arm.model);
+    let is_tried = |law: &&LawName| all.iter().any(|effect| effect.law().name() == **law);
+    let texts: Vec<String> = LawName::ALL.iter().filter(is_tried).map(|law| format!("{law}: excluded")).collect();
+    let texts: Vec<&str> = texts.iter().map(String::as_str).collect();
+    let Outcome { diagnosis, correction } = diagnose(&arm, &run, &rejecting(&texts)).unwrap();
+    let depends_on = &diagnosis.remaining.depends_on;
+    assert!(depends_on.iter().any(|one| one.variable.contains("temperature")), "{depends_on:?}");
+    let terms = correction.with_terms.map_or(Vec::new(), |with| with.effects);
+    let along_temperature = |effect: &&Effect<f64>| candidate::place_code(effect).contains("temperature");
+    assert_eq!(terms.iter().filter(along_temperature).count(), 0, "{terms:?}");
+}
+
+#[test]
+fn a_rejection_of_nothing_says_what_there_is() {
+    let (arm, run) = (arm(), measured(&arm(), &[], changing));
+    let refusal = |arm: &Arm, text: &str| diagnose(arm, &run, &rejecting(&[text])).unwrap_err().to_string();
+    assert!(refusal(&arm, "sag: why").starts_with("no law sag here; there are anchor-offset, base-drift, "));
+    let place = refusal(&arm, "joint-offset, actuator 4: why");
+    assert!(place.starts_with("no law joint-offset here; there are anchor-offset"), "{place}");
+    let place = refusal(&arm, "stroke-loss, actuator 12: why");
+    assert!(
+        place.starts_with(
+            "no stroke-loss at actuator 12 here; it is tried at actuator 0, state 0; actuator 0, state 1;"
+        )
+    );
+    let mut known = arm.clone();
+    known.model.effects.push(stroke_loss()).unwrap();
+    assert_eq!(
+        refusal(&known, "stroke-loss, actuator 4: why"),
+        "the model has stroke-loss at actuator 4, state 1, which is rejected: remove it from the model's file first"
+    );
+}

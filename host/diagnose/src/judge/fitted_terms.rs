@@ -3,11 +3,14 @@
 use darm_core::effect::Effect;
 use darm_core::effect::fitted_term::{FittedTerm, Frame};
 
+use crate::linearise::sensitivity::Sensitivity;
 use crate::outcome::{Dependence, Number, Structure};
 use crate::prepare::observations::NoPose;
+use crate::rejection::is_of_one_law;
 use crate::select::problem::{RegressionProblem as _, Trial};
 use crate::select::significance::DISCOVERY_LEVEL;
 use crate::select::tool_pose::ToolPoses;
+use darm_arm::arm::ArmScratch;
 
 /// A model with fitted terms.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,11 +64,27 @@ fn add_terms(
         let has_room = terms.map(|term| model.effects.push(term.into())).all(|pushed| pushed.is_ok());
         // A term that leaves the arm without a pose somewhere is not the one.
         let Some(trial) = has_room.then(|| problem.fitted(&model).ok()).flatten() else { continue };
-        if problem.under(&with).reduction(&with, &trial).p * n_tried < DISCOVERY_LEVEL {
+        let is_gain = problem.under(&with).reduction(&with, &trial).p * n_tried < DISCOVERY_LEVEL;
+        if is_gain && !replaces_rejected(problem, &with, &trial)? {
             let left_m = problem.held_out_m(&trial)?;
             dependence.held_out_gain = Some(Number::new(held_out_m - left_m, "m"));
             (with, held_out_m) = (trial, left_m);
         }
     }
     Ok(with)
+}
+
+/// Whether a term changes what a rejected effect would.
+fn replaces_rejected(problem: &ToolPoses, before: &Trial<ToolPoses>, after: &Trial<ToolPoses>) -> Result<bool, NoPose> {
+    if problem.rejected.is_empty() {
+        return Ok(false);
+    }
+    let residuals = before.fit.residuals.iter().zip(&after.fit.residuals);
+    let change: Vec<f64> = residuals.map(|(before, after)| after - before).collect();
+    let sensitivity = Sensitivity::new(&before.fit.model, &problem.training, &mut ArmScratch::default())?;
+    let columns = problem.rejected.iter().flat_map(|effect| {
+        let column = |value: usize| Some((effect.law().name(), sensitivity.column(effect, value)?));
+        (0..effect.law().values().len()).filter_map(column).collect::<Vec<_>>()
+    });
+    Ok(is_of_one_law(&change, columns.collect()))
 }

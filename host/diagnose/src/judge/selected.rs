@@ -56,6 +56,8 @@ pub(crate) struct SelectedSignals {
     pub(crate) n_known: usize,
     /// Candidates that fit best with sizes which cannot be; the model is without them.
     pub(crate) impossible: Vec<usize>,
+    /// Candidates that the user rejected; the problem is without them.
+    pub(crate) rejected: Vec<Candidate>,
     /// What was tried.
     pub(crate) path: Vec<SelectionStep>,
     /// How the table agrees with the model before any effect is added.

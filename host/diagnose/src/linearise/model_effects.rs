@@ -101,7 +101,7 @@ impl ModelEffect {
     }
 
     /// What a fitted term adds at this value of its channel.
-    fn at(&self, channel: f64) -> f64 {
+    pub(crate) fn at(&self, channel: f64) -> f64 {
         let above = self.points.partition_point(|[at, _]| *at < channel);
         match (above.checked_sub(1).map(|below| self.points[below]), self.points.get(above)) {
             (Some([low, a]), Some(&[high, b])) => a + (b - a) * (channel - low) / (high - low),

@@ -42,6 +42,7 @@ pub(crate) fn summary(
         condition: Some(condition(&best.fit, &problem.training)),
         points: points(selected)?,
         findings: Vec::new(),
+        rejected: Vec::new(),
         seed,
     })
 }

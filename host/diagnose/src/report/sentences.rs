@@ -11,6 +11,7 @@ use crate::outcome::{
     self, Alternative, BeforeAfter, Diagnosis, ErrorFigure, NextMeasurement, Number, OtherReading, Value, Verdict,
 };
 use crate::prepare::repeatability::MIN_DOF;
+use crate::rejection::Rejection;
 use darm_arm::arm::Arm;
 
 /// An error that an effect changes falls below this share of itself.
@@ -73,6 +74,12 @@ pub(crate) fn of_signals(diagnosis: &Diagnosis) -> Vec<String> {
     }
     sentences.extend(outlier_sentence(diagnosis));
     sentences
+}
+
+/// The effects that the user rejected, with the reasons.
+pub(crate) fn of_rejections(rejected: &[Rejection]) -> Option<String> {
+    let all: Vec<String> = rejected.iter().map(ToString::to_string).collect();
+    (!all.is_empty()).then(|| format!("Rejected by the user, so not tried: {}.", all.join("; ")))
 }
 
 /// What the verdict says.

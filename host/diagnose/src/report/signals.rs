@@ -35,6 +35,7 @@ pub(crate) fn summary(selected: &SelectedSignals, pooled: Option<&HeldOut>, seed
         condition: None,
         points: points(experiment, &after),
         findings: selected.findings.clone(),
+        rejected: Vec::new(),
         seed,
     }
 }

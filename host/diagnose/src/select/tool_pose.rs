@@ -35,6 +35,8 @@ pub struct ToolPoses {
     pub held_out: Observations,
     /// The fold of each training row.
     pub folds: Vec<usize>,
+    /// Candidates that are rejected.
+    pub rejected: Vec<Effect<f64>>,
     progress: Progress,
 }
 
@@ -47,12 +49,17 @@ pub fn values(model: &ArmModel) -> Vec<Value> {
 impl ToolPoses {
     /// Training rows with their folds, and held-out rows, both in units of the same noise.
     pub fn new(training: Observations, held_out: Observations, folds: Vec<usize>) -> Self {
-        Self { training, held_out, folds, progress: Progress::default() }
+        Self { training, held_out, folds, rejected: Vec::new(), progress: Progress::default() }
     }
 
     /// The same, reporting how far the selection is.
     pub fn with_progress(self, progress: Progress) -> Self {
         Self { progress, ..self }
+    }
+
+    /// The same rows without these candidates.
+    pub(crate) fn without(self, rejected: Vec<Effect<f64>>) -> Self {
+        Self { rejected, ..self }
     }
 
     /// The same rows in units of another noise.
@@ -213,7 +220,10 @@ impl Neighbours<ToolPoses> for Around<'_> {
         let Self { problem, model } = self;
         let candidates: Vec<Effect<f64>> = arm_candidates::all(&model.fit.model)
             .into_iter()
-            .filter(|effect| !model.fit.model.effects.iter().any(|known| arm_candidates::same(known, effect)))
+            .filter(|effect| {
+                let mut closed = model.fit.model.effects.iter().chain(&problem.rejected);
+                !closed.any(|other| arm_candidates::same(other, effect))
+            })
             .collect();
         let sensitivity = Sensitivity::new(&model.fit.model, &problem.training, &mut ArmScratch::default())?;
         let steps = steps(&model.fit, &sensitivity);

@@ -15,7 +15,6 @@ use crate::linearise::model::{Model, What};
 use crate::linearise::serial_chain::site_of_joint;
 use crate::measurement::table::{Names, Table};
 use crate::outcome::{Diagnosis, Verdict};
-use crate::prepare::signals::Preparation;
 
 const JOINTS: usize = 4;
 const ROWS: u32 = 240;
@@ -95,7 +94,7 @@ fn diagnosed(measured: impl Fn(f64) -> (Vec<f64>, u32)) -> Diagnosis {
         text += &format!("{},{payload}\n", cells.join(","));
     }
     let table = Table::read_text(Path::new("a.csv"), text.as_bytes(), &Names::new()).unwrap().0;
-    let options = SignalOptions { preparation: Preparation::default(), always: Vec::new(), seed: 1 };
+    let options = SignalOptions { seed: 1, ..SignalOptions::default() };
     diagnose_table(&Model::from(What::Torque(tx40(), None)), &table, &options).unwrap().diagnosis
 }
 

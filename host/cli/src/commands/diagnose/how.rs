@@ -1,0 +1,89 @@
+//! How a log is diagnosed with a model: the options that say so, and the diagnosis.
+
+use std::io::Write as _;
+use std::path::Path;
+
+use anyhow::Context as _;
+use darm_arm::arm::Arm;
+use darm_diagnose::correction::Keep;
+use darm_diagnose::files::{FileOptions, Files, Subject};
+use darm_diagnose::outcome::Diagnosis;
+use darm_diagnose::rejection::Rejection;
+
+use super::super::subject::Locked;
+use super::rows::RowOptions;
+use crate::failure::Usage;
+use crate::ui::Ui;
+
+/// How a log is diagnosed, whatever is made of it.
+#[derive(clap::Args, Debug)]
+pub(super) struct How {
+    /// Accept a recording of the table of another arm file
+    #[arg(long)]
+    other_model: bool,
+    /// Exclude an effect, with the reason; can be repeated
+    #[arg(long = "reject", value_name = "LAW, PLACE: REASON")]
+    rejected: Vec<Rejection>,
+    /// Seed of the cross-validation
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Fix a joint of the robot that the data do not have at a position, in deg or mm
+    #[arg(long = "lock", value_name = "JOINT=Q", allow_hyphen_values = true)]
+    locks: Vec<String>,
+    #[command(flatten)]
+    rows: RowOptions,
+}
+
+/// What is diagnosed.
+#[derive(Clone, Copy)]
+pub(super) struct Task<'a> {
+    pub(super) model: &'a Path,
+    pub(super) data: &'a Path,
+    /// The corrected model, where one is wanted.
+    pub(super) new_model: Option<NewModel<'a>>,
+}
+
+/// Where a corrected model is written, and what of the diagnosis it keeps.
+#[derive(Clone, Copy)]
+pub(super) struct NewModel<'a> {
+    pub(super) path: &'a Path,
+    pub(super) keep: Keep,
+}
+
+impl How {
+    /// The diagnosis, and whether a corrected model was written.
+    pub(super) fn diagnose(&self, task: Task, ui: Ui) -> anyhow::Result<(Diagnosis, bool)> {
+        let Task { model, data, new_model } = task;
+        let subject = match Locked(&self.locks).read_model(model)? {
+            Some((model, locked)) => Subject::Signals(Box::new(model), locked),
+            None if !self.locks.is_empty() => return Err(Usage("--lock needs a robot, not an arm file".into()).into()),
+            None => {
+                self.rows.refuse_those_of_signals()?;
+                Subject::Arm(Box::new(Arm::read(model)?))
+            }
+        };
+        let how = FileOptions {
+            names: self.rows.names()?,
+            rows: self.rows.options(self.seed, &self.rejected)?,
+            accepts_other_model: self.other_model,
+        };
+        let spinner = ui.spinner("diagnosing");
+        let found = Files { model, data }.diagnose(subject, &how);
+        spinner.finish_and_clear();
+        let (found, mut is_written) = (found?, false);
+        if let Some(NewModel { path, keep }) = new_model {
+            is_written = found.write_corrected(path, keep)?.is_some();
+            if is_written {
+                append_rejected(path, &self.rejected).with_context(|| format!("cannot write {}", path.display()))?;
+            }
+        }
+        Ok((found.diagnosis, is_written))
+    }
+}
+
+/// Appends what was rejected to a model file, as comments.
+fn append_rejected(path: &Path, rejected: &[Rejection]) -> std::io::Result<()> {
+    let lines = rejected.iter().map(|rejection| format!("# Rejected by the user: {rejection}\n"));
+    let lines: String = lines.collect();
+    if lines.is_empty() { Ok(()) } else { write!(std::fs::OpenOptions::new().append(true).open(path)?, "\n{lines}") }
+}
