@@ -21,22 +21,46 @@ pub(crate) fn refuse(model: &Path, data: &Path) -> Result<(), Usage> {
     )))
 }
 
+/// Whether a file is a model by the end of its name.
+pub(crate) fn is_model(path: &Path) -> bool {
+    MODELS.iter().any(|end| path.to_string_lossy().ends_with(end))
+}
+
 /// The words of a command line with two arguments exchanged; the value of an option is none of them.
 fn with(given: &[String], one: &str, other: &str) -> String {
     let mut words: Vec<&str> = given.iter().map(String::as_str).collect();
-    let is_value = |k: usize| k > 0 && given[k - 1].starts_with('-');
-    let place = |argument: &str| {
-        let places = || (0..given.len()).filter(|&k| given[k] == argument);
-        places().find(|&k| !is_value(k)).or(places().next())
-    };
-    if let (Some(first), Some(second)) = (place(one), place(other)) {
+    if let (Some(first), Some(second)) = (place(given, one), place(given, other)) {
         words.swap(first, second);
     }
     words.into_iter().map(quoted).collect::<Vec<_>>().join(" ")
 }
 
+/// The options of the command line: without the command, these arguments, `--json` and those `flags`.
+pub(crate) fn options_without(arguments: &[&Path], flags: &[&str]) -> Vec<String> {
+    let given: Vec<String> = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned()).collect();
+    options(given, arguments, flags)
+}
+
+fn options(given: Vec<String>, arguments: &[&Path], flags: &[&str]) -> Vec<String> {
+    let is_option = |word: &String| word != "--json" && !flags.contains(&word.as_str());
+    let mut words: Vec<String> = given.into_iter().filter(is_option).skip(1).collect();
+    for argument in arguments.iter().map(|argument| argument.to_string_lossy()) {
+        if let Some(at) = place(&words, &argument) {
+            words.remove(at);
+        }
+    }
+    words
+}
+
+/// Where an argument is among the words of a command line; the value of an option is none.
+fn place(words: &[String], argument: &str) -> Option<usize> {
+    let is_value = |k: usize| k > 0 && words[k - 1].starts_with('-');
+    let places = || (0..words.len()).filter(|&k| words[k] == argument);
+    places().find(|&k| !is_value(k)).or(places().next())
+}
+
 /// A word as a shell takes it literally.
-fn quoted(word: &str) -> String {
+pub(crate) fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || "_-./=,:+@%".contains(c);
     if word.chars().all(is_plain) { word.into() } else { format!("'{}'", word.replace('\'', "'\\''")) }
 }
@@ -45,7 +69,15 @@ fn quoted(word: &str) -> String {
 mod tests {
     use std::path::Path;
 
-    use super::{refuse, with};
+    use super::{options, refuse, with};
+
+    #[test]
+    fn options_are_all_that_is_no_argument() {
+        let given = ["--json", "bundle", "a.zip", "--force", "m.toml", "--where", "m.toml", "run.csv", "--seed", "2"];
+        let files = ["a.zip", "m.toml", "run.csv"].map(Path::new);
+        let options = options(given.map(str::to_owned).to_vec(), &files, &["--force"]);
+        assert_eq!(options, ["--where", "m.toml", "--seed", "2"]);
+    }
 
     #[test]
     fn a_model_after_its_measurements_is_refused() {

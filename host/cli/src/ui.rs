@@ -25,7 +25,7 @@ impl Ui {
     /// Prints the answer on standard output, unless a number of it is infinite or NaN. A closed pipe is no error.
     pub(crate) fn print(self, answer: &impl Answer) -> anyhow::Result<()> {
         finite::check(answer)?;
-        let text = if self.json { serde_json::to_string(answer)? } else { answer.text() };
+        let text = if self.json { json(answer)? } else { answer.text() };
         if !text.is_empty() {
             let mut out = std::io::stdout().lock();
             let _ = writeln!(out, "{text}").and_then(|()| out.flush());
@@ -64,6 +64,16 @@ impl Ui {
     }
 }
 
+/// An answer as JSON.
+///
+/// # Errors
+///
+/// A number of it is infinite or NaN.
+pub(crate) fn json(answer: &impl Serialize) -> anyhow::Result<String> {
+    finite::check(answer)?;
+    Ok(serde_json::to_string(answer)?)
+}
+
 /// A number with this many decimals, in scientific notation where it would round to zero; rounding noise about zero is zero.
 pub(crate) fn number(value: f64, decimals: usize) -> String {
     let smallest_shown = 0.5 * 10f64.powi(-(decimals as i32));
@@ -74,6 +84,17 @@ pub(crate) fn number(value: f64, decimals: usize) -> String {
     } else {
         format!("{value:.decimals$}")
     }
+}
+
+/// A number with about six digits.
+pub(crate) fn six_digits(number: f64) -> String {
+    let size = number.abs();
+    if size != 0.0 && !(1e-3..1e7).contains(&size) {
+        return format!("{number:.5e}");
+    }
+    let decimals = 5usize.saturating_sub(size.max(1.0).log10() as usize);
+    let text = format!("{number:.decimals$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
 /// Rows of cells as an aligned table; an empty cell in the first row leaves its column without a title.
@@ -90,7 +111,13 @@ pub(crate) fn columns(rows: &[Vec<String>]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{columns, number};
+    use super::{columns, number, six_digits};
+
+    #[test]
+    fn numbers_of_six_digits_are_short() {
+        let numbers = [0.0, 1.5, -123.456789, 1e-9, 1_000_000.0].map(six_digits);
+        assert_eq!(numbers, ["0", "1.5", "-123.457", "1.00000e-9", "1000000"]);
+    }
 
     #[test]
     fn columns_are_aligned_and_small_numbers_keep_their_digits() {

@@ -26,6 +26,7 @@ pub mod misreading;
 pub mod model_file;
 pub(crate) mod number;
 pub mod outcome;
+pub mod overview;
 pub mod prepare;
 pub mod progress;
 pub mod project;

@@ -7,5 +7,5 @@ pub mod observations;
 pub mod repeatability;
 pub mod sampling;
 pub mod signals;
-mod table_findings;
+pub(crate) mod table_findings;
 pub(crate) mod thinning;

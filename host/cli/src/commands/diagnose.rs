@@ -1,6 +1,7 @@
 //! `darm diagnose`: which effect is missing in the model, where, how large, and how certain that is.
 
 mod how;
+mod log;
 mod rows;
 
 use std::path::PathBuf;
@@ -20,12 +21,13 @@ use how::{How, NewModel, Task};
 
 const EXAMPLES: &str = "\
 Examples:
+  darm diagnose run.csv                             # without a model: what is in it, what can be diagnosed
   darm diagnose arm.toml run.csv                    # the verdict and its evidence
   darm diagnose arm.toml run.csv -o arm2.toml       # and the corrected model, for the next table
   darm diagnose planar4.toml planar4-run.csv        # a recording that is shipped
   darm --json diagnose arm.toml run.csv --hold-out-each word
   darm diagnose tx40.toml tx40-motion.csv.gz --hold-out-column heldout -o tx40-2.toml   # torques
-  darm diagnose planar4.toml planar4-run.csv --reject 'supply-stroke, module 2, diagonal leg: new regulator'
+  darm diagnose planar4.toml planar4-run.csv --reject 'supply-stroke: new regulator'   # not that one
   darm diagnose cylinder.toml cylinder-force.csv.gz --where 'seal = O-ring' \\
                 --hold-out 'set_bar = 5' -o cylinder2.toml --keep-terms --report page.html
 
@@ -46,22 +48,22 @@ const NOTHING_TO_WRITE: &str = "no effect was identified, so no corrected model 
 
 /// Find the missing effect of a model: law, place, size and confidence
 #[derive(clap::Args, Debug)]
-#[command(after_help = EXAMPLES)]
+#[command(after_help = EXAMPLES, allow_missing_positional = true)]
 pub(crate) struct Diagnose {
-    /// The model to diagnose: an arm file, a URDF, or a TOML file that names its kind
+    /// The model to diagnose; without one, what the measurements are and what they can diagnose is printed: an arm file, a URDF, or a TOML file that names its kind
     #[arg(value_name = "MODEL")]
-    model: PathBuf,
+    model: Option<PathBuf>,
     /// Measurements: a file from `darm record`, or a CSV file with its columns; can be compressed (.gz)
-    #[arg(value_name = "DATA")]
+    #[arg(value_name = "DATA", required = true)]
     data: PathBuf,
     /// Write the model with the effects that were found
-    #[arg(short, long, alias = "write-model", value_name = "NEW.toml")]
+    #[arg(short, long, alias = "write-model", value_name = "NEW.toml", requires = "model")]
     output: Option<PathBuf>,
     /// Add fitted terms to that model for a residual that no law explains
     #[arg(long, requires = "output")]
     keep_terms: bool,
     /// Write a report with tables and plots
-    #[arg(long, value_name = "FILE.html")]
+    #[arg(long, value_name = "FILE.html", requires = "model")]
     report: Option<PathBuf>,
     #[command(flatten)]
     how: How,
@@ -74,21 +76,26 @@ struct Report {
     diagnosis: Diagnosis,
     /// The corrected model, where one was written.
     output: Option<PathBuf>,
+    /// What was asked about the units before.
+    #[serde(skip)]
+    asked: Vec<Finding>,
 }
 
 impl Diagnose {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
-        exchanged::refuse(&self.model, &self.data)?;
+        let Some(model) = &self.model else { return log::print(&self.data, &self.how, ui) };
+        exchanged::refuse(model, &self.data)?;
         if let Some(path) = &self.output {
-            output_file::refuse_other_than_toml(path, &[&self.model])?;
+            output_file::refuse_other_than_toml(path, &[model])?;
         }
         if let Some(path) = &self.report {
             output_file::refuse_other_than_page(path)?;
         }
         let keep = if self.keep_terms { Keep::EffectsAndTerms } else { Keep::Effects };
         let new_model = self.output.as_deref().map(|path| NewModel { path, keep });
-        let (diagnosis, is_written) =
-            self.how.diagnose(Task { model: &self.model, data: &self.data, new_model }, ui)?;
+        let asked = self.how.ask(&self.data, ui)?;
+        let task = Task { model, data: &self.data, new_model };
+        let (diagnosis, is_written) = self.how.diagnose(task, ui)?;
         let output = self.output.clone().filter(|_| is_written);
         if self.output.is_some() && !is_written {
             ui.note(NOTHING_TO_WRITE);
@@ -96,14 +103,15 @@ impl Diagnose {
         if let Some(path) = &self.report {
             output_file::write_text(path, Syntax::Html, &diagnosis_page(&diagnosis).into_string())?;
         }
-        ui.print(&Report { diagnosis, output })
+        ui.print(&Report { diagnosis, output, asked })
     }
 }
 
 impl Answer for Report {
     fn text(&self) -> String {
         let Diagnosis { findings, verdict, plain, effects, repeatability, held_out, .. } = &self.diagnosis;
-        let (of_rows, of_file): (Vec<&Finding>, Vec<&Finding>) = findings.iter().partition(|f| f.line.is_some());
+        let open = findings.iter().filter(|finding| !self.asked.contains(finding));
+        let (of_rows, of_file): (Vec<&Finding>, Vec<&Finding>) = open.partition(|f| f.line.is_some());
         let shown = of_file.into_iter().chain(of_rows.iter().copied().take(MAX_NOTES));
         let mut lines: Vec<String> = shown.map(|finding| format!("note: {finding}")).collect();
         if of_rows.len() > MAX_NOTES {

@@ -16,6 +16,7 @@ mod hostile;
 mod import;
 mod json_keys;
 mod limits;
+mod logs;
 mod measurements;
 mod models;
 mod predictions;
@@ -26,9 +27,9 @@ mod stop;
 mod unfinished;
 
 const COMMANDS: [&str; 30] = [
-    "synth", "adjust", "table", "upload", "play", "stop", "status", "record", "import", "diagnose", "console", "sim",
-    "flash", "doctor", "profile", "fk", "jacobian", "ik", "bench-ik", "dynamics", "com", "model", "draw", "nearest",
-    "map", "path", "grasp", "inertia", "odometry", "serve",
+    "synth", "adjust", "table", "upload", "play", "stop", "status", "record", "import", "diagnose", "bundle",
+    "console", "sim", "flash", "doctor", "profile", "fk", "jacobian", "ik", "bench-ik", "dynamics", "com", "model",
+    "draw", "nearest", "map", "path", "grasp", "inertia", "odometry", "serve",
 ];
 
 /// A user's empty home, and the folder the commands run in.

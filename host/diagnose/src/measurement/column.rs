@@ -64,6 +64,11 @@ impl Column {
     pub fn meaning(&self) -> &str {
         meaning_of(&self.quantity)
     }
+
+    /// Whether its name says that its numbers are degrees.
+    pub(crate) fn in_degrees(&self) -> bool {
+        self.name.to_lowercase().ends_with("_deg")
+    }
 }
 
 /// The quantity in a column's name, the factor that brings its numbers to SI, and the unit that comes of it.

@@ -34,7 +34,7 @@
 //! | `clock_…` | offset and rate of the board's clock with their uncertainties |
 
 mod check;
-mod column;
+pub(crate) mod column;
 mod csv;
 pub mod csv_text;
 mod error;

@@ -174,7 +174,7 @@ impl<'a> Columns<'a> {
             findings
                 .push(Finding::note(FindingKind::UnreadColumns, format!("columns not read: {}", unread.join(", "))));
         }
-        let in_degrees = self.servos.iter().filter(|column| column.name.to_lowercase().ends_with("_deg"));
+        let in_degrees = self.servos.iter().filter(|column| column.in_degrees());
         let max_deg = in_degrees.flat_map(|column| &column.numbers).fold(0f64, |max, q| max.max(q.to_degrees().abs()));
         if max_deg > 0.0 && max_deg < HALF_TURN && self.table.lines.len() > SOME_ROWS {
             let text = format!(

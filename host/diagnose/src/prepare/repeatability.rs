@@ -41,10 +41,7 @@ impl Noise {
 /// Repeats that are far off by a first estimate, which rests on medians, do not count in the second.
 pub fn repeated(arm: &Arm, run: &Run) -> Option<Noise> {
     let training: Vec<&Sample> = run.training().map(|(_, sample)| sample).collect();
-    let mut groups = successive(&training);
-    if groups.iter().map(|group| group.len() - 1).sum::<usize>() < MIN_DOF {
-        groups = anywhere(&training);
-    }
+    let groups = groups(&training);
     if groups.is_empty() {
         return None;
     }
@@ -121,6 +118,13 @@ pub fn of_residuals(arm: &Arm, observations: &Observations, residuals: &[f64]) -
         variance[axis] = (median * observations.sigma[axis] / MEDIAN_OF_NORMAL).powi(2);
     }
     of_variance(arm, variance, 0)
+}
+
+/// Samples under the same conditions: those that follow each other directly; where these are few, those at any time.
+pub(crate) fn groups<'a>(samples: &[&'a Sample]) -> Vec<Vec<&'a Sample>> {
+    let groups = successive(samples);
+    let dof = groups.iter().map(|group| group.len() - 1).sum::<usize>();
+    if dof < MIN_DOF { anywhere(samples) } else { groups }
 }
 
 fn alike(a: &Sample, b: &Sample) -> bool {

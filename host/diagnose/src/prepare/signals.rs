@@ -19,7 +19,7 @@ use crate::prepare::thinning::one_of_each_part;
 /// Rows up to which all are looked at where nothing is said.
 const MAX_ROWS: usize = 10_000;
 /// Steps of time longer than this, in usual ones, are gaps: nothing is interpolated across.
-const MAX_STEP: f64 = 5.0;
+pub(crate) const MAX_STEP: f64 = 5.0;
 
 /// How a table is made ready.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -1,14 +1,23 @@
 //! What is wrong or suspicious in a table, before any of it is used.
 
+use crate::measurement::column::Column;
 use crate::measurement::table::Table;
-use crate::measurement::{Finding, FindingKind};
+use crate::measurement::{Finding, FindingKind, median};
 use crate::prepare::error::PrepareError;
 
-/// A joint that turns farther, rad, is taken for one in degrees; a position, m, for one in millimetres; a pressure that
-/// stays below, Pa, for one in bar.
+/// A joint or tool that turns farther, rad, is taken for one in degrees; joints that never turn so far, deg, for ones in radians;
+/// a position, m, farther away for one in millimetres (of a tool whose words were logged, which arms of 10 m reach, much
+/// farther); a pressure that stays below, Pa, for one in bar.
 const LARGEST_ANGLE: f64 = 4.0 * std::f64::consts::PI;
+const HALF_TURN: f64 = 3.2;
 const LARGEST_LENGTH: f64 = 10.0;
+const LARGEST_REACH: f64 = 100.0;
 const MIN_PRESSURE: f64 = 1e3;
+/// The median of temperatures in °C that is taken for kelvin above, and of those in K that is taken for °C below.
+const MAX_CELSIUS: f64 = 200.0;
+const MIN_KELVIN: f64 = 150.0;
+/// Rows from which on small joint positions are no chance.
+const SOME_ROWS: usize = 10;
 /// Share of the rows in which time may run back: new recordings begin there.
 const MAX_BACKWARD: f64 = 0.1;
 
@@ -59,22 +68,60 @@ pub(super) fn constant(table: &Table, findings: &mut Vec<Finding>) {
     }
 }
 
-/// Numbers that look like another unit than the one they are read in.
-pub(super) fn units(table: &Table, findings: &mut Vec<Finding>) {
+/// Numbers that look like another unit than the one they are read in, with the option that reads them so.
+pub(crate) fn units(table: &Table, findings: &mut Vec<Finding>) {
     for column in &table.columns {
-        let largest = column.numbers.iter().filter(|number| number.is_finite()).fold(0.0f64, |max, n| max.max(n.abs()));
-        let joint = column.quantity.strip_prefix('q').is_some_and(|number| number.parse::<u8>().is_ok());
-        let doubt = match (column.meaning(), column.unit) {
-            (_, "" | "rad") if joint && largest > LARGEST_ANGLE => ("rad", "degrees", "_deg"),
-            ("position", "" | "m") if largest > LARGEST_LENGTH => ("m", "millimetres", "_mm"),
-            ("pressure", _) if largest > 0.0 && largest < MIN_PRESSURE => ("Pa", "bar", "_bar"),
-            _ => continue,
-        };
-        let (read, meant, end) = doubt;
-        let text = format!(
-            "{} goes up to {largest} {read}: are these {meant}? a column whose name ends in {end} is read so",
-            column.name
-        );
+        let Some(Doubt { found, meant, end }) = doubt(table, column) else { continue };
+        let option = format!("{}_{end}={}", column.quantity, column.name);
+        let option = if option.contains(char::is_whitespace) { format!("'{option}'") } else { option };
+        let text = format!("{} {found}: are these {meant}? --column {option} reads them so", column.name);
         findings.push(Finding::note(FindingKind::SuspectedUnit, text).in_column(&column.name));
     }
+}
+
+/// Why a unit looks wrong, which it may be, and how names of columns in it end.
+struct Doubt {
+    found: String,
+    meant: &'static str,
+    end: &'static str,
+}
+
+fn doubt(table: &Table, column: &Column) -> Option<Doubt> {
+    let finite = || column.numbers.iter().copied().filter(|number| number.is_finite());
+    let (largest, middle) = (finite().fold(0.0f64, |max, n| max.max(n.abs())), median(finite())?);
+    let farthest = if table.quantity("word").is_some() { LARGEST_REACH } else { LARGEST_LENGTH };
+    let up_to = |unit: &str, meant, end| Some(Doubt { found: format!("goes up to {largest} {unit}"), meant, end });
+    let usually = |unit: &str, meant, end| Some(Doubt { found: format!("is usually {middle} {unit}"), meant, end });
+    match (column.meaning(), column.unit) {
+        (_, "" | "rad") if is_angle(column) && largest > LARGEST_ANGLE => up_to("rad", "degrees", "deg"),
+        (_, "rad") if is_joint(column) && are_radians(table) && column.in_degrees() => Some(Doubt {
+            found: format!("never exceeds {:.2} deg", largest.to_degrees()),
+            meant: "radians",
+            end: "rad",
+        }),
+        ("position" | "y" | "z" | "px" | "py" | "pz", "" | "m") if largest > farthest => {
+            up_to("m", "millimetres", "mm")
+        }
+        ("pressure" | "supply", "" | "Pa") if largest > 0.0 && largest < MIN_PRESSURE => up_to("Pa", "bar", "bar"),
+        ("temperature", "" | "°C") if middle > MAX_CELSIUS => usually("°C", "kelvin", "k"),
+        ("temperature", "K") if middle < MIN_KELVIN => usually("K", "degrees Celsius", "c"),
+        _ => None,
+    }
+}
+
+/// Whether all joints that are read in degrees stay within half a turn of radians, and one of them moves.
+fn are_radians(table: &Table) -> bool {
+    let joints = table.columns.iter().filter(|column| is_joint(column) && column.in_degrees());
+    let numbers = joints.flat_map(|column| &column.numbers).filter(|number| number.is_finite());
+    let largest_deg = numbers.fold(0.0f64, |max, number| max.max(number.to_degrees().abs()));
+    largest_deg > 0.0 && largest_deg < HALF_TURN && table.lines.len() > SOME_ROWS
+}
+
+/// Whether a column is the position of a joint by its number.
+fn is_joint(column: &Column) -> bool {
+    column.quantity.strip_prefix('q').is_some_and(|number| number.parse::<u8>().is_ok())
+}
+
+fn is_angle(column: &Column) -> bool {
+    is_joint(column) || ["angle", "rx", "ry", "rz"].contains(&column.meaning())
 }

@@ -6,8 +6,12 @@ use std::path::Path;
 use anyhow::Context as _;
 use darm_arm::arm::Arm;
 use darm_diagnose::correction::Keep;
+use darm_diagnose::diagnosis::SignalOptions;
+use darm_diagnose::error::DiagnoseError;
 use darm_diagnose::files::{FileOptions, Files, Subject};
+use darm_diagnose::measurement::Finding;
 use darm_diagnose::outcome::Diagnosis;
+use darm_diagnose::overview::{self, Overview};
 use darm_diagnose::rejection::Rejection;
 
 use super::super::subject::Locked;
@@ -17,18 +21,18 @@ use crate::ui::Ui;
 
 /// How a log is diagnosed, whatever is made of it.
 #[derive(clap::Args, Debug)]
-pub(super) struct How {
+pub(in crate::commands) struct How {
     /// Accept a recording of the table of another arm file
-    #[arg(long)]
+    #[arg(long, requires = "model")]
     other_model: bool,
     /// Exclude an effect, with the reason; can be repeated
-    #[arg(long = "reject", value_name = "LAW, PLACE: REASON")]
+    #[arg(long = "reject", value_name = "LAW, PLACE: REASON", requires = "model")]
     rejected: Vec<Rejection>,
     /// Seed of the cross-validation
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     /// Fix a joint of the robot that the data do not have at a position, in deg or mm
-    #[arg(long = "lock", value_name = "JOINT=Q", allow_hyphen_values = true)]
+    #[arg(long = "lock", value_name = "JOINT=Q", allow_hyphen_values = true, requires = "model")]
     locks: Vec<String>,
     #[command(flatten)]
     rows: RowOptions,
@@ -36,23 +40,36 @@ pub(super) struct How {
 
 /// What is diagnosed.
 #[derive(Clone, Copy)]
-pub(super) struct Task<'a> {
-    pub(super) model: &'a Path,
-    pub(super) data: &'a Path,
+pub(in crate::commands) struct Task<'a> {
+    pub(in crate::commands) model: &'a Path,
+    pub(in crate::commands) data: &'a Path,
     /// The corrected model, where one is wanted.
-    pub(super) new_model: Option<NewModel<'a>>,
+    pub(in crate::commands) new_model: Option<NewModel<'a>>,
 }
 
 /// Where a corrected model is written, and what of the diagnosis it keeps.
 #[derive(Clone, Copy)]
-pub(super) struct NewModel<'a> {
-    pub(super) path: &'a Path,
-    pub(super) keep: Keep,
+pub(in crate::commands) struct NewModel<'a> {
+    pub(in crate::commands) path: &'a Path,
+    pub(in crate::commands) keep: Keep,
 }
 
 impl How {
+    /// What the log has.
+    pub(super) fn overview(&self, data: &Path) -> anyhow::Result<Result<Overview, DiagnoseError>> {
+        let SignalOptions { preparation, .. } = self.rows.options(self.seed, &self.rejected)?;
+        Ok(overview::overview(data, &self.rows.names()?, &preparation))
+    }
+
+    /// Asks about units that look wrong; what a file that cannot be read is, is for the diagnosis to say.
+    pub(super) fn ask(&self, data: &Path, ui: Ui) -> anyhow::Result<Vec<Finding>> {
+        let questions = overview::questions(data, &self.rows.names()?).unwrap_or_default();
+        questions.iter().for_each(|question| ui.note(&format!("question: {question}")));
+        Ok(questions)
+    }
+
     /// The diagnosis, and whether a corrected model was written.
-    pub(super) fn diagnose(&self, task: Task, ui: Ui) -> anyhow::Result<(Diagnosis, bool)> {
+    pub(in crate::commands) fn diagnose(&self, task: Task, ui: Ui) -> anyhow::Result<(Diagnosis, bool)> {
         let Task { model, data, new_model } = task;
         let subject = match Locked(&self.locks).read_model(model)? {
             Some((model, locked)) => Subject::Signals(Box::new(model), locked),

@@ -46,7 +46,7 @@ pub(super) struct RowOptions {
     #[arg(long, alias = "settled", value_name = "S")]
     skip_after_change: Option<f64>,
     /// Laws to include from the start
-    #[arg(long, value_name = "LAW,…", value_delimiter = ',')]
+    #[arg(long, requires = "model", value_name = "LAW,…", value_delimiter = ',')]
     pub(super) always: Vec<String>,
     /// Meaning of columns with other names, such as `load=duty,position_count=pos`
     #[arg(long = "column", alias = "map", value_name = "NAME=COLUMN,…", value_delimiter = ',')]
@@ -117,7 +117,8 @@ impl RowOptions {
             interpolate: self.interpolate.clone(),
             skip_after_change_s: self.skip_after_change,
         };
-        Ok(SignalOptions { preparation, always: self.always.clone(), rejected: rejected.to_vec(), seed })
+        let (always, rejected) = (self.always.clone(), rejected.to_vec());
+        Ok(SignalOptions { preparation, always, rejected, seed, ..SignalOptions::default() })
     }
 }
 

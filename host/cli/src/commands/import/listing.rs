@@ -2,7 +2,7 @@
 
 use darm_import::summary::{ColumnSummary, PartSummary, Summary};
 
-use crate::ui::columns;
+use crate::ui::{columns, six_digits};
 
 /// The parts of a recording as tables.
 pub(super) fn text(summary: &Summary) -> String {
@@ -18,7 +18,7 @@ fn part(part: &PartSummary) -> String {
         1 => format!(", {} rows", shape[0]),
         _ => format!(", {}", shape.join(" x ")),
     };
-    let rate = part.rate_hz.map_or(String::new(), |hz| format!(", median rate {} Hz", short(hz)));
+    let rate = part.rate_hz.map_or(String::new(), |hz| format!(", median rate {} Hz", six_digits(hz)));
     let gaps = match part.gaps {
         Some(n) if n > 0 => format!(", {n} gaps"),
         _ => String::new(),
@@ -33,7 +33,7 @@ fn part(part: &PartSummary) -> String {
 }
 
 fn column(column: &ColumnSummary) -> Vec<String> {
-    let limit = |number: Option<f64>| number.map_or(String::new(), short);
+    let limit = |number: Option<f64>| number.map_or(String::new(), six_digits);
     vec![
         format!("  {}", column.name),
         column.kind.into(),
@@ -43,28 +43,4 @@ fn column(column: &ColumnSummary) -> Vec<String> {
         limit(column.min),
         limit(column.max),
     ]
-}
-
-/// A number with about six digits.
-fn short(number: f64) -> String {
-    let size = number.abs();
-    if size != 0.0 && !(1e-3..1e7).contains(&size) {
-        return format!("{number:.5e}");
-    }
-    let decimals = 5usize.saturating_sub(size.max(1.0).log10() as usize);
-    let text = format!("{number:.decimals$}");
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::short;
-
-    #[test]
-    fn numbers_are_short() {
-        assert_eq!(
-            [0.0, 1.5, -123.456789, 1e-9, 1_000_000.0].map(short),
-            ["0", "1.5", "-123.457", "1.00000e-9", "1000000"]
-        );
-    }
 }
