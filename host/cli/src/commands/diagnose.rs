@@ -1,6 +1,6 @@
 //! `darm diagnose`: which effect is missing in the model, where, how large, and how certain that is.
 
-mod how;
+pub(super) mod how;
 mod log;
 mod rows;
 
@@ -71,7 +71,7 @@ pub(crate) struct Diagnose {
 
 /// What is printed.
 #[derive(Serialize)]
-struct Report {
+pub(super) struct Report {
     #[serde(flatten)]
     diagnosis: Diagnosis,
     /// The corrected model, where one was written.
@@ -104,6 +104,13 @@ impl Diagnose {
             output_file::write_text(path, Syntax::Html, &diagnosis_page(&diagnosis).into_string())?;
         }
         ui.print(&Report { diagnosis, output, asked })
+    }
+}
+
+impl Report {
+    /// Of a diagnosis that writes no model.
+    pub(super) fn new(diagnosis: Diagnosis) -> Self {
+        Self { diagnosis, output: None, asked: Vec::new() }
     }
 }
 

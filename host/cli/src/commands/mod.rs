@@ -2,6 +2,7 @@
 
 mod adjust;
 mod bench_ik;
+mod bundle;
 mod camera;
 mod com;
 mod console;
@@ -96,6 +97,7 @@ pub(crate) enum Command {
     Record(record::Record),
     Import(import::Import),
     Diagnose(diagnose::Diagnose),
+    Bundle(bundle::Bundle),
     Serve(serve::Serve),
     Console(console::Console),
     Flash(flash::Flash),
@@ -133,6 +135,7 @@ impl Command {
             Self::Record(command) => command.run(ui),
             Self::Import(command) => command.run(ui),
             Self::Diagnose(command) => command.run(ui),
+            Self::Bundle(command) => command.run(ui),
             Self::Serve(command) => command.run(ui),
             Self::Console(command) => command.run(ui),
             Self::Flash(command) => command.run(ui),

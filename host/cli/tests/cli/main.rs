@@ -5,6 +5,7 @@ use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 
+mod bundle;
 mod differential;
 mod digests;
 mod examples;
@@ -26,7 +27,7 @@ mod robots;
 mod stop;
 mod unfinished;
 
-const COMMANDS: [&str; 30] = [
+const COMMANDS: [&str; 31] = [
     "synth", "adjust", "table", "upload", "play", "stop", "status", "record", "import", "diagnose", "bundle",
     "console", "sim", "flash", "doctor", "profile", "fk", "jacobian", "ik", "bench-ik", "dynamics", "com", "model",
     "draw", "nearest", "map", "path", "grasp", "inertia", "odometry", "serve",
