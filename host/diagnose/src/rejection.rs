@@ -2,7 +2,7 @@
 //!
 //! The form is that of a verdict: law and place as they are printed, then a colon and the reason. Without a place the law is
 //! rejected everywhere. A rejected candidate is no candidate at all: it is not fitted, listed as an alternative or part of a
-//! group, and no fitted term stands for it.
+//! group, and no fitted term replaces it.
 
 use std::collections::BTreeMap;
 use std::str::FromStr;

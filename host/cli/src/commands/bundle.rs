@@ -143,7 +143,7 @@ fn readme(command: &str) -> String {
     )
 }
 
-/// Of this program and the system that it runs on.
+/// Of this program and of the system.
 fn versions() -> serde_json::Value {
     let release = std::fs::read_to_string("/etc/os-release").unwrap_or_default();
     let system = release.lines().find_map(|line| line.strip_prefix("PRETTY_NAME="));

@@ -243,7 +243,7 @@ fn an_effect_that_is_rejected_is_no_candidate_anywhere() {
 }
 
 #[test]
-fn no_fitted_term_stands_for_an_effect_that_is_rejected() {
+fn no_fitted_term_replaces_an_effect_that_is_rejected() {
     let arm = arm();
     let growth: Effect<f64> = ThermalGrowth { at: Place::Arm, expansion_per_k: 1e-4 }.into();
     let run = measured(&arm, &[growth], |time_s| (5.5e5, 293.15 + 10.0 * (time_s / 9.0).sin()));

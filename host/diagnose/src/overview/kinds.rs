@@ -58,7 +58,7 @@ pub(super) fn possible(table: &Table, repeats: &Repeats) -> Vec<Possible> {
     let found = [
         (has(&["word", "time"]) && (is_planar || has(&["x", "y", "z", "rx", "ry", "rz"]))).then(|| visits(table)),
         joints.iter().any(|joint| has(&[&torque(joint)])).then(|| torques(table, &joints)),
-        (is_posture && has(&["qm1", "taum1"])).then(|| motor_torques()),
+        (is_posture && has(&["qm1", "taum1"])).then(motor_torques),
         (is_posture && has(&["fz"])).then(|| wrench(table)),
         is_tool.then(|| tool(has(&["qx", "qy", "qz", "qw"]))),
         is_posture.then(|| points(table)).flatten(),
@@ -110,18 +110,18 @@ fn rate(prefix: &str, joint: &str) -> String {
 fn visits(table: &Table) -> Possible {
     let words =
         table.quantity("word").map_or(0, |column| column.words.iter().collect::<std::collections::BTreeSet<_>>().len());
-    let lacks = |quantity: &str| table.quantity(quantity).is_none();
+    let is_absent = |quantity: &str| table.quantity(quantity).is_none();
     Possible::new(Measured::ToolPose, "an arm file", "ARM.toml")
         .better_with(words < MIN_WORDS, format!("{MIN_WORDS} different words at least, there are {words}"))
-        .better_with(lacks("supply"), "a column supply_bar, for effects of the supply pressure")
-        .better_with(lacks("temperature"), "a column temperature_c, for effects of temperature")
+        .better_with(is_absent("supply"), "a column supply_bar, for effects of the supply pressure")
+        .better_with(is_absent("temperature"), "a column temperature_c, for effects of temperature")
 }
 
 fn torques(table: &Table, joints: &[String]) -> Possible {
-    let lacks = |prefix: &str| joints.iter().any(|joint| table.quantity(&rate(prefix, joint)).is_none());
+    let is_absent = |prefix: &str| joints.iter().any(|joint| table.quantity(&rate(prefix, joint)).is_none());
     Possible::new(Measured::JointTorque, "the URDF or MJCF of the robot", "ROBOT.urdf")
-        .better_with(lacks("v"), "velocities (v1, … or v_JOINT): they are differentiated from the positions")
-        .better_with(lacks("a"), "accelerations (a1, … or a_JOINT): they are differentiated from the positions")
+        .better_with(is_absent("v"), "velocities (v1, … or v_JOINT): they are differentiated from the positions")
+        .better_with(is_absent("a"), "accelerations (a1, … or a_JOINT): they are differentiated from the positions")
         .better_with(table.quantity("time").is_none(), "a column of time, or --rate HZ")
 }
 
