@@ -50,7 +50,8 @@ const NOTHING_TO_WRITE: &str = "no effect was identified, so no corrected model 
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES, allow_missing_positional = true)]
 pub(crate) struct Diagnose {
-    /// The model to diagnose; without one, what the measurements are and what they can diagnose is printed: an arm file, a URDF, or a TOML file that names its kind
+    /// The model to diagnose: an arm file, a URDF, or a TOML file that names its kind; without it the columns of DATA are
+    /// listed, and what they can diagnose
     #[arg(value_name = "MODEL")]
     model: Option<PathBuf>,
     /// Measurements: a file from `darm record`, or a CSV file with its columns; can be compressed (.gz)

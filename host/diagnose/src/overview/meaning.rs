@@ -16,7 +16,7 @@ const NUMBERED: [(&str, &str); 7] = [
 /// Quantities of columns with the name of a joint.
 const OF_NAMED_JOINT: [(&str, &str); 3] = [("v_", "velocity"), ("a_", "acceleration"), ("tau_", "torque")];
 /// Other quantities.
-const OTHERS: [(&str, &str); 32] = [
+const OTHERS: [(&str, &str); 33] = [
     ("time", "time"),
     ("word", "word: one state per actuator"),
     ("previous", "word before"),
@@ -48,6 +48,7 @@ const OTHERS: [(&str, &str); 32] = [
     ("mz", "moment on the surroundings, z"),
     ("held_out", "1 in held-out rows"),
     ("run", "number of the run"),
+    ("visit", "number of the visit"),
     ("fresh", "1 in rows with a new posture"),
 ];
 

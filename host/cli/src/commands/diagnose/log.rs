@@ -110,13 +110,10 @@ fn column(column: &ColumnOverview) -> Vec<String> {
 
 fn sampling(of: &SamplingOverview) -> String {
     let mut parts = vec![format!("{} s", six_digits(of.duration_s))];
-    if let (Some(rate_hz), Some(jitter_s)) = (of.rate_hz, of.jitter_s) {
-        let clock = if of.is_even { "even clock" } else { "no even clock" };
-        parts.push(format!(
-            "{} rows a second ({clock}, jitter {} ms rms)",
-            six_digits(rate_hz),
-            six_digits(1e3 * jitter_s)
-        ));
+    if let Some(rate_hz) = of.rate_hz {
+        let jitter = of.jitter_s.map_or(String::new(), |jitter_s| format!(", jitter {:.3} ms rms", 1e3 * jitter_s));
+        let clock = if of.is_even { format!("even clock{jitter}") } else { "no even clock".into() };
+        parts.push(format!("{} rows a second ({clock})", six_digits(rate_hz)));
     }
     let counts = [
         (of.missing_rows, "rows missing between others"),
