@@ -87,27 +87,33 @@ pub(super) fn serial(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Resul
         }
     };
     for mechanism in mechanisms {
-        if mechanism >= ENTIRE {
-            let changed = Changed { robot, motion: &motion, times: &times };
-            add_of_entire_robot(&mut bench, mechanism, &changed, rng)?;
-            continue;
-        }
-        if mechanism == LUMP {
-            // On the first link, whose axis is upright, a lump is a heavy motor.
-            let joint = rng.random_range(1..n);
-            let shape = point_mass(robot, (joint, LUMP_OFF_M), &times, &|time_s| motion.at(time_s))?;
-            bench.add(Cause::Law(LawName::MassDistribution, Place::Link(joint)), shape, rng);
-            continue;
-        }
-        let joint = rng.random_range(0..n);
-        let (law, column) = of_joint(mechanism, joint, n, &bench.given);
-        let mut shape = vec![vec![0.0; times.len()]; n];
-        shape[joint] = column;
-        bench.add(Cause::Law(law, Place::Joint(joint)), shape, rng);
+        add(&mut bench, mechanism, &Changed { robot, motion: &motion, times: &times }, rng)?;
     }
     let elsewhere = Swings::draw(robot, &mut ChaCha8Rng::seed_from_u64(rng.random()));
     bench.elsewhere = Some(Box::new(Motions { robot: robot.clone(), run: motion, elsewhere }));
     Ok(bench)
+}
+
+/// Adds a mechanism inside the list at a place that is drawn.
+fn add(bench: &mut Bench, mechanism: usize, changed: &Changed<'_>, rng: &mut ChaCha8Rng) -> Result<()> {
+    let Changed { robot, motion, times } = *changed;
+    let n = robot.joints.len();
+    if mechanism >= ENTIRE {
+        return add_of_entire_robot(bench, mechanism, changed, rng);
+    }
+    if mechanism == LUMP {
+        // On the first link, whose axis is upright, a lump is a heavy motor.
+        let joint = rng.random_range(1..n);
+        let shape = point_mass(robot, (joint, LUMP_OFF_M), times, &|time_s| motion.at(time_s))?;
+        bench.add(Cause::Law(LawName::MassDistribution, Place::Link(joint)), shape, rng);
+        return Ok(());
+    }
+    let joint = rng.random_range(0..n);
+    let (law, column) = of_joint(mechanism, joint, n, &bench.given);
+    let mut shape = vec![vec![0.0; times.len()]; n];
+    shape[joint] = column;
+    bench.add(Cause::Law(law, Place::Joint(joint)), shape, rng);
+    Ok(())
 }
 
 /// A robot in motion whose torques something changes.

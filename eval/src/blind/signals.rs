@@ -160,7 +160,7 @@ impl Bench {
         self.added.iter().map(|added| added.cause.to_string()).collect::<Vec<_>>().join(" + ")
     }
 
-    /// Adds a mechanism of a drawn size: `shape` gives it on each axis.
+    /// Adds a mechanism of a size that is drawn: `shape` gives it on each axis.
     pub(super) fn add(&mut self, cause: Cause, shape: Vec<Vec<f64>>, rng: &mut ChaCha8Rng) {
         let noises = shape.iter().zip(&self.noise).map(|(column, noise)| root_mean_square(column) / noise);
         let largest = noises.fold(f64::MIN_POSITIVE, f64::max);
@@ -168,7 +168,7 @@ impl Bench {
         self.add_as_it_is(cause, shape.into_iter().map(|axis| axis.iter().map(|x| size * x).collect()).collect());
     }
 
-    /// Adds a mechanism that has a size of its own.
+    /// Adds a mechanism that has its size already.
     pub(super) fn add_as_it_is(&mut self, cause: Cause, shape: Vec<Vec<f64>>) {
         for (channel, column) in self.measured.iter_mut().zip(&shape) {
             channel.iter_mut().zip(column).for_each(|(value, more)| *value += more);

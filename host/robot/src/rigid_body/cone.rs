@@ -117,7 +117,7 @@ impl ConicLeastSquares {
     /// The least values u, from values inside all cones and floors, with μ down to `min_weight`.
     pub fn solve(&self, start: DVector<f64>, min_weight: f64) -> DVector<f64> {
         let (mut values, mut weight) = (start, MAX_WEIGHT);
-        // With a smaller μ the first step would end at the border of a cone, and all later ones beside it.
+        // With a smaller μ the first step would end at the border of a cone, and all later ones near it.
         while weight < LARGEST_WEIGHT && self.fall(weight, &values).is_some_and(|fall| fall > weight) {
             weight /= WEIGHT_RATIO;
         }

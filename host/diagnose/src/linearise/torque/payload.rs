@@ -2,7 +2,7 @@
 //! have this number.
 //!
 //! Its ten inertial parameters are in the frame of that link, as those of the link itself; the columns are the link's, and zero in
-//! the other rows. What is carried in all rows cannot be told from the link, and is named as a part of it. A model that has the effects of a payload predicts them in the rows of a log with its number, and nowhere else.
+//! the other rows. What is carried in all rows cannot be distinguished from the link, and is named as a part of it. A model that has the effects of a payload predicts them in the rows of a log with its number, and nowhere else.
 
 use std::collections::BTreeSet;
 
@@ -51,15 +51,17 @@ pub(super) fn candidates(
             "the robot has no end that is its tool, so what carries the payload is not known; leave the column out";
         PrepareError::Nothing(what.into())
     })?;
-    let n = robot.joints.len();
     let body = |(k, &number): (usize, &u32)| {
-        let of_rows = |column: &Vec<f64>| -> Vec<f64> {
-            let is_carried = |at: usize| motion.payload[at / n] == number;
-            column.iter().enumerate().map(|(at, slope)| if is_carried(at) { *slope } else { 0.0 }).collect()
-        };
+        let columns = columns[link].each_ref().map(|column| in_rows_of(number, motion, column));
         let site = Site::new(Place::Payload(number), format!("{PAYLOAD} {number}"));
-        let own = columns[link].each_ref().map(of_rows);
-        bodies::carrying(n + k, site, &[0.0; 10], robot.mass(), own)
+        bodies::carrying(robot.joints.len() + k, site, &[0.0; 10], robot.mass(), columns)
     };
     Ok(all.iter().enumerate().map(body).collect())
+}
+
+/// A column of rows × joints, zero in the rows in which something else is carried.
+fn in_rows_of(number: u32, motion: &Motion, column: &[f64]) -> Vec<f64> {
+    let n = column.len() / motion.payload.len().max(1);
+    let of = |(at, slope): (usize, &f64)| if motion.payload[at / n] == number { *slope } else { 0.0 };
+    column.iter().enumerate().map(of).collect()
 }
