@@ -10,6 +10,7 @@
 //! assert_eq!(error.to_string(), "a.csv:3:4: column y_m holds `far`, expected a number; correct the cell");
 //! ```
 
+use std::io::{Chain, Read as _};
 use std::path::Path;
 use std::str::FromStr;
 
@@ -86,6 +87,11 @@ pub struct CsvRow<'a> {
     record: &'a StringRecord,
 }
 
+/// A text for a reader of CSV: without a line end behind it the `csv` crate takes a comment in the last line for a row.
+pub fn with_line_end(text: &[u8]) -> Chain<&[u8], &[u8]> {
+    text.chain(&b"\n"[..])
+}
+
 impl CsvTable {
     /// Reads a table with a header; lines that begin with `#` are comments.
     ///
@@ -108,7 +114,8 @@ impl CsvTable {
     /// There is no header, it names a column twice, or a row is longer or shorter than it.
     pub fn of_text(path: &Path, text: &str) -> Result<Self, CsvError> {
         let wrong = |error: csv::Error| csv_error(path, text.as_bytes(), &error);
-        let mut reader = csv::ReaderBuilder::new().trim(Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
+        let mut reader =
+            csv::ReaderBuilder::new().trim(Trim::All).comment(Some(b'#')).from_reader(with_line_end(text.as_bytes()));
         let header = reader.headers().map_err(wrong)?.clone();
         if header.is_empty() {
             return Err(Source::of_text(path, text).error(None, Fault::Content(Box::new(CsvFault::NoHeader))));
@@ -284,6 +291,12 @@ mod tests {
         ] {
             assert_eq!(error(text), format!("a.csv:{place}: {wrong}"), "{text}");
         }
+    }
+
+    #[test]
+    fn a_comment_without_a_line_end_is_no_row() {
+        assert_eq!(error("a,b\n1,2\n# the end"), "");
+        assert_eq!(error("a,b\n1,2"), "");
     }
 
     #[test]

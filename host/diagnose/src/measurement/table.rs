@@ -32,7 +32,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use darm_robot::csv_table::{CsvError, CsvFault, csv_error, place_of};
+use darm_robot::csv_table::{CsvError, CsvFault, csv_error, place_of, with_line_end};
 use darm_robot::source::Fault;
 
 use super::column::{Column, name_parts};
@@ -91,7 +91,8 @@ impl Table {
     pub fn read_text(path: &Path, text: &[u8], names: &Names) -> Result<(Self, Vec<Finding>), ReadError> {
         let text: Arc<[u8]> = with_plain_ends(text).into();
         let wrong = |error| csv_error(path, &text, &error);
-        let mut file = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(&text[..]);
+        let mut file =
+            csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(with_line_end(&text));
         let header = file.headers().map_err(wrong)?.clone();
         if let Some(missing) = names.values().find(|column| !header.iter().any(|name| name == column.as_str())) {
             let present = header.iter().collect::<Vec<_>>().join(", ");
