@@ -21,13 +21,13 @@ use how::{How, NewModel, Task};
 
 const EXAMPLES: &str = "\
 Examples:
-  darm diagnose run.csv                             # without a model: what is in it, what can be diagnosed
+  darm diagnose run.csv                             # without a model: what a log has
   darm diagnose arm.toml run.csv                    # the verdict and its evidence
   darm diagnose arm.toml run.csv -o arm2.toml       # and the corrected model, for the next table
   darm diagnose planar4.toml planar4-run.csv        # a recording that is shipped
   darm --json diagnose arm.toml run.csv --hold-out-each word
   darm diagnose tx40.toml tx40-motion.csv.gz --hold-out-column heldout -o tx40-2.toml   # torques
-  darm diagnose planar4.toml planar4-run.csv --reject 'supply-stroke: new regulator'   # not that one
+  darm diagnose planar4.toml planar4-run.csv --reject 'supply-stroke: new regulator'
   darm diagnose cylinder.toml cylinder-force.csv.gz --where 'seal = O-ring' \\
                 --hold-out 'set_bar = 5' -o cylinder2.toml --keep-terms --report page.html
 
