@@ -76,7 +76,7 @@ impl Cone {
     }
 
     /// Sets the values to those of the body at its offset, made consistent, so far inside that Newton's method can begin; without
-    /// a mass to those of [`SOME_BODY`].
+    /// a mass to those of a body of 1 kg.
     pub fn start(&self, values: &mut DVector<f64>) {
         let nominal = if self.offset[0] > 0.0 { &self.offset } else { &SOME_BODY };
         let mut body = project_physically_consistent(nominal, nominal);
