@@ -29,6 +29,9 @@ pub(crate) fn periods_a_turn(
     seen: impl Fn(usize) -> bool,
     count: usize,
 ) -> Vec<f64> {
+    if count == 0 {
+        return Vec::new();
+    }
     let rows: Vec<usize> = (0..residual.len()).filter(|row| seen(*row)).collect();
     let rows: Vec<usize> = rows.iter().copied().step_by(rows.len().div_ceil(MAX_ROWS).max(1)).collect();
     let of = |channel: &[f64]| -> Vec<f64> { rows.iter().map(|row| channel[*row]).collect() };

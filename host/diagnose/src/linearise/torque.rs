@@ -27,7 +27,7 @@ use darm_robot::robot::{Robot, RobotJoint};
 
 /// A torque constant is not off by more than half of it.
 const MIN_GAIN: f64 = -0.5;
-/// Ripples of a torque that are tried where no gear ratio gives their periods.
+/// Ripples of a torque that are tried; where readings of a log are compared none is, since their periods take most of the time.
 const RIPPLES: usize = 2;
 
 /// How the motors drive the joints.
@@ -48,6 +48,8 @@ struct Motion {
     tau: Vec<Vec<f64>>,
     /// The number of what the tool carries in each row, 0 nothing.
     payload: Vec<u32>,
+    /// How many ripples are tried at each joint where no gear ratio gives their periods.
+    ripples: usize,
 }
 
 /// The experiment of a robot on a fixed base.
@@ -62,7 +64,8 @@ pub(crate) fn experiment(
         Some(transmission) if data.raw("qm1").is_some() => of_motors(data, transmission, n)?,
         _ => of_joints(data, robot)?,
     };
-    let motion = Motion { payload: payload::carried(data)?, ..motion };
+    let ripples = if data.is_sample() { 0 } else { RIPPLES };
+    let motion = Motion { payload: payload::carried(data)?, ripples, ..motion };
     of_motion(data.rows.clone(), robot, transmission, known, &motion)
 }
 
@@ -88,7 +91,8 @@ pub fn added(
     let row =
         |(k, &time_s): (usize, &f64)| Row { line: k + 1, time_s, series: 0, motion: 0, key: None, held_out: false };
     let rows: Vec<Row> = times_s.iter().enumerate().map(row).collect();
-    let motion = Motion { q, v, a, tau: vec![vec![0.0; rows.len()]; n], payload: vec![0; rows.len()] };
+    let (tau, payload) = (vec![vec![0.0; rows.len()]; n], vec![0; rows.len()]);
+    let motion = Motion { q, v, a, tau, payload, ripples: RIPPLES };
     let mut experiment = of_motion(rows, robot, transmission, known, &motion)?;
     let nominal = experiment.residuals.clone();
     model_effects::apply(&mut experiment, known)?;
@@ -121,7 +125,7 @@ fn of_motion(
             Some(transmission) => vec![transmission.matrix[(joint, joint)].abs()],
             None => {
                 let own: Vec<f64> = residuals.iter().skip(joint).step_by(n).copied().collect();
-                periods_a_turn(&coordinate, &own, |row| !rows[row].held_out, RIPPLES)
+                periods_a_turn(&coordinate, &own, |row| !rows[row].held_out, motion.ripples)
             }
         };
         candidates.extend(coordinate.candidates(of_joint_laws(&coordinate, &periods), site, &shares, known));

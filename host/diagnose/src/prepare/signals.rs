@@ -62,6 +62,7 @@ pub struct Prepared {
     all: Arc<AllRows>,
     reading: ColumnReading,
     kept: Vec<usize>,
+    is_sample: bool,
 }
 
 /// A table before rows of it are kept.
@@ -131,6 +132,7 @@ impl Prepared {
             all,
             reading: ColumnReading::default(),
             kept,
+            is_sample: false,
         };
         Ok(data.with_times())
     }
@@ -165,8 +167,14 @@ impl Prepared {
             all: Arc::clone(&self.all),
             reading,
             kept: chosen.iter().map(|&k| self.kept[k]).collect(),
+            is_sample: true,
         };
         data.with_times()
+    }
+
+    /// Whether it is a sample of the rows, to compare readings on.
+    pub(crate) fn is_sample(&self) -> bool {
+        self.is_sample
     }
 
     /// Rows of the table that count, before any is left out for its rate.
