@@ -133,7 +133,7 @@ impl<T: Real, const N: usize> Model<T, N> {
         let unloaded_settings = scratch.settings;
         let settled = real::<T>(SETTLED) + T::default_epsilon() * real(16.0);
         for _ in 0..MAX_SETTLINGS {
-            let loads = self.loads(scratch);
+            let loads = self.loads(scratch, condition.load_kg);
             let mut moved = T::zero();
             let before = core::mem::replace(&mut scratch.settings, unloaded_settings);
             self.each_effect(condition, |effect, site, leg| {
@@ -150,11 +150,12 @@ impl<T: Real, const N: usize> Model<T, N> {
         Ok(())
     }
 
-    /// What each actuator of each stage bears by the weights further out, in the posture of `scratch`: see
-    /// [`Stage::loads`].
-    pub fn loads(&self, scratch: &Scratch<T, N>) -> [[T; MAX_LEGS]; N] {
+    /// What each actuator of each stage bears by the weights further out, in the posture of `scratch`, when the tool carries
+    /// `load_kg` in addition to the payload: see [`Stage::loads`].
+    pub fn loads(&self, scratch: &Scratch<T, N>, load_kg: T) -> [[T; MAX_LEGS]; N] {
         let mut loads = [[T::zero(); MAX_LEGS]; N];
-        let mut in_base = self.weight(&self.payload, &scratch.pose_base_tool);
+        let carried = Mass { mass_kg: self.payload.mass_kg + load_kg, ..self.payload };
+        let mut in_base = self.weight(&carried, &scratch.pose_base_tool);
         for (index, stage) in self.chain.stages.iter().enumerate().rev() {
             let top = &scratch.tops[index];
             in_base = in_base + self.weight(&self.masses[index], top);
@@ -208,6 +209,8 @@ impl<T: Real, const N: usize> Model<T, N> {
             temperature_rise_k: condition.temperature_k - self.reference_temperature_k,
             time_s: condition.time_s,
             switches: condition.switches.get(actuator).copied(),
+            dwell_s: condition.dwell_s.get(actuator).copied(),
+            word: Some(condition.word),
             together,
         }
     }
@@ -299,7 +302,7 @@ mod tests {
         fn the_weights_sink_by_what_the_legs_take_up(word in word(planar_arm())) {
             let (model, mut scratch) = (loaded(), Scratch::default());
             model.chain.pose_base_tool(&word, &[], &mut scratch).unwrap();
-            let loads = model.loads(&scratch);
+            let loads = model.loads(&scratch, 0.0);
             let heights = |s: &Scratch<f64, 4>| {
                 let plates = s.tops.iter().map(|top| 2.0 * (*top * model.masses[0].center).y);
                 plates.sum::<f64>() + 3.0 * (s.pose_base_tool * model.payload.center).y

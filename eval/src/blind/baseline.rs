@@ -13,9 +13,8 @@
 use anyhow::{Context, Result};
 use darm_arm::arm::{Arm, ArmScratch};
 use darm_core::effect::Effect;
-use darm_core::effect::step::Step;
 use darm_diagnose::effect::Place;
-use darm_diagnose::linearise::arm_candidates::all;
+use darm_diagnose::linearise::arm_candidates::{all, beginning};
 use darm_diagnose::linearise::sensitivity::Sensitivity;
 use darm_diagnose::measurement::root_mean_square;
 use darm_diagnose::prepare::observations::{NoPose, Observations};
@@ -87,8 +86,9 @@ impl Dictionary {
         let held_out = Observations::new(arm, run, noise.sigma, |sample| sample.held_out);
         let seen = Sensitivity::new(&arm.model, &training, &mut scratch)?;
         let unseen = Sensitivity::new(&arm.model, &held_out, &mut scratch)?;
+        let end_s = training.times_s().last().unwrap_or(0.0);
         let (effects, mut owner, mut columns, mut others) =
-            (candidates(arm, training.last().0), Vec::new(), Vec::new(), Vec::new());
+            (candidates(arm, end_s), Vec::new(), Vec::new(), Vec::new());
         for (index, effect) in effects.iter().enumerate() {
             for value in 0..effect.law().values().len() {
                 let Some(column) = seen.column(effect, value) else { continue };
@@ -199,11 +199,10 @@ fn unseen_len(held_out: &Observations) -> usize {
 
 /// All candidates, steps at several moments of a run of this length.
 fn candidates(arm: &Arm, end_s: f64) -> Vec<Effect<f64>> {
-    let timed = |effect: Effect<f64>| match effect {
-        Effect::Step(step) => (1..=MOMENTS)
-            .map(|k| Step { since_s: end_s * k as f64 / (MOMENTS + 1) as f64, ..step }.into())
-            .collect::<Vec<_>>(),
-        other => vec![other],
+    let moments = || (1..=MOMENTS).map(|k| end_s * k as f64 / (MOMENTS + 1) as f64);
+    let timed = |effect: Effect<f64>| {
+        let steps: Vec<_> = moments().filter_map(|since_s| beginning(&effect, since_s)).collect();
+        if steps.is_empty() { vec![effect] } else { steps }
     };
     all(&arm.model).into_iter().flat_map(timed).collect()
 }

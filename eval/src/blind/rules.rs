@@ -16,6 +16,10 @@
 //! | a leg that creeps out of its clamp | `drift` | actuator or arm | exponential, no parabola |
 //! | blows that pound a stop | `wear` | actuator | each blow weighs by the supply that drives it |
 //! | legs that take each other's air | `crowding` | module or arm | each share is as one over the supply, not straight in it |
+//! | a rod end that is screwed in too far | `length-offset` | actuator | the same, exact |
+//! | two legs on one bracket that bends | `interaction` | actuator and the other one | the same, exact |
+//! | a seal that yields under its load | `creep` | actuator or arm | one exponential of a time constant that is drawn, not two of fixed ones |
+//! | a tripod of the camera that is knocked | `base-step` | base | none; its moment is drawn |
 //! | a camera that was moved | `base-offset` | base | the same, exact |
 //! | a tool that was bent | `tool-offset` | tool | the same, exact |
 //! | a lens of another focal length | `scale` | camera | the same, exact |
@@ -114,4 +118,5 @@
 //! the clean run were fitted with the same weight for a metre as for a radian. A tilted plate came after the
 //! seeds from 10000 to 10999, and counts from 11000 on; before, a floating base had a backpack in seeds of two as well, and
 //! nothing else. Offsets, tilts, delays and payloads of a serial arm came after the seeds up to 60039, and count from 70000 on;
-//! they have sizes of their own.
+//! they have sizes of their own. Rods, brackets, seals, knocked tripods, and loads at the tool of every second arm with a sag
+//! came after the seeds up to 92100, and count from 100000 on.

@@ -72,6 +72,7 @@ pub(crate) fn measure(station: &mut Station<'_>, arm: &Arm, truth: &Truth, stops
             previous: Some(frame.state.previous),
             servos_rad: &servos_rad,
             time_s: frame.at_s,
+            load_kg: 0.0,
             history: None,
         };
         let seen = truth.observe(&state, rng)?;
@@ -84,6 +85,7 @@ pub(crate) fn measure(station: &mut Station<'_>, arm: &Arm, truth: &Truth, stops
             pose: seen.pose,
             supply: Some(seen.supply),
             temperature_c: Some(seen.temperature_c),
+            load_kg: None,
             run: 0,
             visit: number as u32,
             held_out: stop.held_out,

@@ -45,10 +45,12 @@ impl ArmCorrection {
     pub fn corrected(&self, arm: &Arm, run: &Run, keep: Keep) -> Option<Arm> {
         let terms = self.with_terms.as_ref().filter(|_| keep == Keep::EffectsAndTerms).map(|terms| &terms.effects);
         let effects = terms.or(self.is_named.then_some(&self.best_effects))?;
-        let (end_s, switches) = Observations::new(arm, run, [1.0; 6], |_| true).last();
+        let observations = Observations::new(arm, run, [1.0; 6], |_| true);
         let mut corrected = arm.clone();
         corrected.model.effects = effects.iter().copied().collect();
-        corrected.model.effects.iter_mut().for_each(|effect| effect.law_mut().settle(end_s, &switches));
+        if let Some(end) = observations.end() {
+            corrected.model.effects.iter_mut().for_each(|effect| effect.law_mut().settle(&end));
+        }
         corrected.model.number += 1;
         let (supply, temperature_c) = run.settled();
         corrected.model.working_supply = supply.unwrap_or(corrected.model.working_supply);

@@ -52,7 +52,7 @@ impl Place {
     #[must_use]
     pub fn part(&self) -> Self {
         match *self {
-            Self::Arm(part, _) => Self::Arm(part, Detail::All),
+            Self::Arm(part, Detail::State(_) | Detail::Anchor(_)) => Self::Arm(part, Detail::All),
             other => other,
         }
     }

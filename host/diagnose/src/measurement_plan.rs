@@ -14,6 +14,7 @@ mod order;
 
 use std::collections::BTreeMap;
 
+use darm_core::effect::law_name::LawName;
 use darm_core::model::Condition;
 use darm_core::units::Word;
 use nalgebra::DMatrix;
@@ -73,10 +74,19 @@ pub struct Step {
     pub previous: Word,
     /// Positions of the servo joints.
     pub servos_rad: Vec<f64>,
+    /// What the tool carries in addition to the payload of the model, kg; `None`: nothing is known of it.
+    pub load_kg: Option<f64>,
     /// Whether no fit may see it.
     pub held_out: bool,
     /// Whether it repeats the step before, so that nothing moves.
     pub repeat: bool,
+}
+
+impl Step {
+    /// A visit of a word from the same word, without servos.
+    fn of_word(word: Word) -> Self {
+        Self { word, previous: word, servos_rad: Vec::new(), load_kg: None, held_out: false, repeat: false }
+    }
 }
 
 /// The steps of a measurement plan for `arm`, in order.
@@ -94,7 +104,8 @@ pub fn plan(arm: &Arm, options: &Options) -> Vec<Step> {
         for index in order {
             let previous = steps.last().map_or(arm.rest(), |step| step.word);
             let held_out = held_out.contains(&index);
-            let step = Step { word: words[index], previous, servos_rad: servos_rad.clone(), held_out, repeat: false };
+            let servos_rad = servos_rad.clone();
+            let step = Step { word: words[index], previous, servos_rad, load_kg: None, held_out, repeat: false };
             let in_turn = repeated.iter().position(|&word| word == index);
             let again = in_turn.is_some_and(|position| position % options.visits == round);
             let repeat = Step { previous: words[index], repeat: true, ..step.clone() };
@@ -142,8 +153,7 @@ pub fn candidates(arm: &Arm, seed: u64) -> Vec<Step> {
     words.retain(|word| arm.model.predict(&arm.model.nominal(*word, &servos_rad), &mut scratch).is_ok());
     words.shuffle(&mut rng);
     let previous = words.iter().cycle().skip(1).copied().take(words.len()).collect::<Vec<_>>();
-    let step =
-        |(word, previous)| Step { word, previous, servos_rad: servos_rad.clone(), held_out: false, repeat: false };
+    let step = |(word, previous)| Step { word, previous, servos_rad: servos_rad.clone(), ..Step::of_word(word) };
     words.into_iter().zip(previous).map(step).collect()
 }
 
@@ -176,13 +186,15 @@ fn informative_words(arm: &Arm, options: &Options) -> Vec<Word> {
     chosen.into_iter().map(|row| steps[observations.rows[row].sample].word).collect()
 }
 
-/// The derivatives with respect to the values of all candidates, each scaled to the size that is thought likely.
+/// The derivatives with respect to the values of all candidates, each scaled to the size that is thought likely. Interactions
+/// are left out: there are as many as pairs of actuators, and any words have each pair of states about equally often.
 fn candidate_columns(arm: &Arm, observations: &Observations) -> Vec<Vec<f64>> {
     let mut scratch = ArmScratch::default();
     let Ok(sensitivity) = Sensitivity::new(&arm.model, observations, &mut scratch) else {
         return Vec::new();
     };
-    let effects = arm_candidates::all(&arm.model);
+    let mut effects = arm_candidates::all(&arm.model);
+    effects.retain(|effect| effect.law().name() != LawName::Interaction);
     let values = effects.iter().flat_map(|effect| (0..effect.law().values().len()).map(move |value| (effect, value)));
     values.filter_map(|(effect, value)| sensitivity.column(effect, value)).map(likely).collect()
 }
@@ -199,7 +211,8 @@ pub fn as_run(arm: &Arm, steps: &[Step], supply: f64, temperature_k: f64) -> Run
     for (visit, step) in steps.iter().enumerate() {
         let previous = Some(step.previous);
         let nominal = arm.model.nominal(step.word, &step.servos_rad);
-        let condition = Condition { previous, supply, temperature_k, ..nominal };
+        let load_kg = step.load_kg.unwrap_or(0.0);
+        let condition = Condition { previous, supply, temperature_k, load_kg, ..nominal };
         let Ok(pose) = arm.model.predict(&condition, &mut scratch) else { continue };
         samples.push(Sample {
             time_s: visit as f64,
@@ -209,6 +222,7 @@ pub fn as_run(arm: &Arm, steps: &[Step], supply: f64, temperature_k: f64) -> Run
             pose,
             supply: Some(supply),
             temperature_c: Some(temperature_k - ZERO_CELSIUS),
+            load_kg: step.load_kg,
             run: 0,
             visit: visit as u32,
             held_out: step.held_out,

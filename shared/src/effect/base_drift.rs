@@ -31,7 +31,7 @@
 //! assert!((seen(None) - 2e-3).abs() < 1e-15);
 //! ```
 
-use super::{Condition, Detail, Law, LawName, Place, Quantity};
+use super::{Condition, Detail, End, Law, LawName, Place, Quantity};
 use crate::real::{Real, Vec3, real};
 use crate::se::Pose;
 
@@ -85,8 +85,8 @@ impl<T: Real> Law<T> for BaseDrift<T> {
         Some(&mut self.until_s)
     }
 
-    fn settle(&mut self, end_s: T, _switches: &[T]) {
-        self.until_s = end_s;
+    fn settle(&mut self, end: &End<T>) {
+        self.until_s = end.time_s;
     }
 
     fn displace(&self, predicted: Pose<T>, condition: &Condition<T>) -> Pose<T> {

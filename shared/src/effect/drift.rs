@@ -32,7 +32,7 @@
 //! assert!((length_m(Some(100.0)) - 1.2515).abs() < 1e-15 && (length_m(None) - 1.252).abs() < 1e-15);
 //! ```
 
-use super::{Detail, Law, LawName, Place, Quantity, Site};
+use super::{Detail, End, Law, LawName, Place, Quantity, Site};
 use crate::actuator::Setting;
 use crate::real::{Real, real};
 
@@ -84,8 +84,8 @@ impl<T: Real> Law<T> for Drift<T> {
         Some(&mut self.until_s)
     }
 
-    fn settle(&mut self, end_s: T, _switches: &[T]) {
-        self.until_s = end_s;
+    fn settle(&mut self, end: &End<T>) {
+        self.until_s = end.time_s;
     }
 
     fn disturb(&self, site: &Site<T>, setting: &mut Setting<T>) {

@@ -14,14 +14,18 @@
 
 pub mod anchor_offset;
 pub mod base_drift;
+pub mod base_step;
 pub mod basis;
+pub mod creep;
 pub mod crowding;
 pub mod drift;
 pub mod fitted_term;
 pub mod frame_offset;
 pub mod gravity_sag;
+pub mod interaction;
 pub mod joint_offset;
 pub mod law_name;
+pub mod length_offset;
 pub mod play;
 pub mod scale;
 pub mod step;
@@ -75,9 +79,8 @@ pub trait Law<T: Real> {
         None
     }
 
-    /// Keeps what the law had come to where the measurement that it was fitted to ended: after this time, s, and this
-    /// number of switches of each actuator.
-    fn settle(&mut self, _end_s: T, _switches: &[T]) {}
+    /// Keeps what the law had come to where the measurement that it was fitted to ended.
+    fn settle(&mut self, _end: &End<T>) {}
 
     /// Changes what the actuator at `site` is set to. Only called within [`place`](Self::place).
     fn disturb(&self, _site: &Site<T>, _setting: &mut Setting<T>) {}
@@ -130,6 +133,8 @@ pub enum Detail {
     State(u8),
     /// The anchor on one plate.
     Anchor(Plate),
+    /// What another actuator, the one with this index, does to it.
+    With(u8),
     /// What depends on one variable, or on its square.
     Term {
         /// The variable.
@@ -165,6 +170,21 @@ pub struct Condition<'a, T: Real> {
     pub time_s: Option<T>,
     /// How often each actuator has switched since then; empty outside of one.
     pub switches: &'a [T],
+    /// Time since the row that switched each actuator last, s; empty outside of one.
+    pub dwell_s: &'a [T],
+    /// What the tool carries in addition to the model's payload, at that payload's centre of mass, kg.
+    pub load_kg: T,
+}
+
+/// What had come to an arm at the end of a measurement.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct End<'a, T: Real> {
+    /// Time since the measurement began, s.
+    pub time_s: T,
+    /// How often each actuator had switched.
+    pub switches: &'a [T],
+    /// Dwell time of the actuators that did not switch, median over all rows, s.
+    pub dwell_s: T,
 }
 
 impl<T: Real> Condition<'_, T> {
@@ -178,6 +198,8 @@ impl<T: Real> Condition<'_, T> {
             temperature_k: real(293.15),
             time_s: None,
             switches: &[],
+            dwell_s: &[],
+            load_kg: T::zero(),
         }
     }
 }
@@ -205,6 +227,10 @@ pub struct Site<T: Real> {
     pub time_s: Option<T>,
     /// How often the actuator has switched since then; `None` where it was not counted.
     pub switches: Option<T>,
+    /// Time since the row that switched it last, s; `None` where it is not known.
+    pub dwell_s: Option<T>,
+    /// The digits of all actuators; `None` where they are not known.
+    pub word: Option<Word>,
     /// How many others of its stage have another digit than in the word before.
     pub together: u8,
 }
@@ -223,6 +249,8 @@ impl<T: Real> Default for Site<T> {
             temperature_rise_k: T::zero(),
             time_s: None,
             switches: None,
+            dwell_s: None,
+            word: None,
             together: 0,
         }
     }
@@ -304,6 +332,10 @@ effects! {
     StrokeLoss in stroke_loss,
     Wear in wear,
     Step in step,
+    LengthOffset in length_offset,
+    Interaction in interaction,
+    Creep in creep,
+    BaseStep in base_step,
     AnchorOffset in anchor_offset,
     FittedTerm in fitted_term,
 }

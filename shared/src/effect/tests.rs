@@ -6,7 +6,7 @@ use super::*;
 use crate::actuator::Setting;
 use crate::real::Vec3;
 
-fn one_of_each() -> [Effect<f64>; 16] {
+fn one_of_each() -> [Effect<f64>; 20] {
     let at = Place::Module(1);
     [
         stroke_loss::StrokeLoss { actuator: 4, state: 1, loss_m: 1e-3 }.into(),
@@ -21,11 +21,15 @@ fn one_of_each() -> [Effect<f64>; 16] {
         supply_stroke::SupplyStroke { at, gain: 0.1 }.into(),
         thermal_growth::ThermalGrowth { at, expansion_per_k: 1e-5 }.into(),
         step::Step { actuator: 4, since_s: 40.0, shift_m: 1e-3 }.into(),
+        length_offset::LengthOffset { actuator: 4, offset_m: 1e-3 }.into(),
+        interaction::Interaction { actuator: 4, other: 5, shift_m: 1e-3 }.into(),
+        creep::Creep { at, dwell_s: 1.0, values: [1e-3, 1e-3] }.into(),
         drift::Drift { at, until_s: 100.0, values: [1e-5, 1e-7] }.into(),
         wear::Wear { actuator: 4, until_switches: 100.0, per_switch_m: 1e-5 }.into(),
         crowding::Crowding { at, values: [1e-3, 1e-3] }.into(),
         frame_offset::FrameOffset { frame: frame_offset::Frame::Base, values: [1e-3; 6] }.into(),
         frame_offset::FrameOffset { frame: frame_offset::Frame::Tool, values: [1e-3; 6] }.into(),
+        base_step::BaseStep { since_s: 40.0, values: [1e-3; 6] }.into(),
         base_drift::BaseDrift { until_s: 100.0, values: [1e-5; 6] }.into(),
         fitted_term::FittedTerm {
             of: fitted_term::Variable::Supply { center: 1.0, span: 0.5 },
@@ -85,6 +89,8 @@ fn site() -> Site<f64> {
         temperature_rise_k: 10.0,
         time_s: Some(50.0),
         switches: Some(30.0),
+        dwell_s: Some(2.0),
+        word: "000011".parse().ok(),
         ..Site::default()
     }
 }

@@ -30,7 +30,7 @@
 
 use core::slice;
 
-use super::{Detail, Law, LawName, Place, Quantity, Site};
+use super::{Detail, End, Law, LawName, Place, Quantity, Site};
 use crate::actuator::Setting;
 use crate::real::{Real, real};
 
@@ -83,8 +83,8 @@ impl<T: Real> Law<T> for Wear<T> {
         Some(&mut self.until_switches)
     }
 
-    fn settle(&mut self, _end_s: T, switches: &[T]) {
-        if let Some(counted) = switches.get(usize::from(self.actuator)) {
+    fn settle(&mut self, end: &End<T>) {
+        if let Some(counted) = end.switches.get(usize::from(self.actuator)) {
             self.until_switches = *counted;
         }
     }

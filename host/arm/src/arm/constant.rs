@@ -3,7 +3,6 @@
 use std::collections::BTreeSet;
 
 use darm_core::actuator::{Axis, Leg, Platform, Stage};
-use darm_core::effect::anchor_offset::Plate;
 use darm_core::effect::fitted_term::{FittedTerm, Variable};
 use darm_core::effect::{Effect, Place};
 use darm_core::model::Mass;
@@ -101,58 +100,60 @@ fn mass(mass: &Mass<f64>) -> String {
 
 /// The file of a law in `darm-core`, and the effect as Rust source.
 fn effect_text(effect: &Effect<f64>) -> (&'static str, String) {
-    let plate = |plate: Plate| format!("anchor_offset::Plate::{plate:?}");
+    let at = |part: Place| ("at", format!("Place::{part:?}"));
+    let actuator = |index: u8| ("actuator", index.to_string());
+    let values = |values: &[f64]| ("values", numbers(values));
     let (file, law, fields) = match effect {
-        Effect::GravitySag(law) => (
-            "gravity_sag",
-            "GravitySag",
-            vec![("at", place(law.at)), ("compliance_m_per_n", number(law.compliance_m_per_n))],
-        ),
-        Effect::Play(law) => ("play", "Play", vec![("at", place(law.at)), ("width_m", number(law.width_m))]),
-        Effect::SupplyStroke(law) => {
-            ("supply_stroke", "SupplyStroke", vec![("at", place(law.at)), ("gain", number(law.gain))])
+        Effect::GravitySag(law) => {
+            ("gravity_sag", "GravitySag", vec![at(law.at), ("compliance_m_per_n", number(law.compliance_m_per_n))])
         }
+        Effect::Play(law) => ("play", "Play", vec![at(law.at), ("width_m", number(law.width_m))]),
+        Effect::SupplyStroke(law) => ("supply_stroke", "SupplyStroke", vec![at(law.at), ("gain", number(law.gain))]),
         Effect::ThermalGrowth(law) => {
-            let expansion = ("expansion_per_k", number(law.expansion_per_k));
-            ("thermal_growth", "ThermalGrowth", vec![("at", place(law.at)), expansion])
+            ("thermal_growth", "ThermalGrowth", vec![at(law.at), ("expansion_per_k", number(law.expansion_per_k))])
         }
         Effect::Drift(law) => {
-            let [until, values] = [("until_s", number(law.until_s)), ("values", numbers(&law.values))];
-            ("drift", "Drift", vec![("at", place(law.at)), until, values])
+            ("drift", "Drift", vec![at(law.at), ("until_s", number(law.until_s)), values(&law.values)])
         }
-        Effect::Crowding(law) => {
-            ("crowding", "Crowding", vec![("at", place(law.at)), ("values", numbers(&law.values))])
+        Effect::Creep(law) => {
+            ("creep", "Creep", vec![at(law.at), ("dwell_s", number(law.dwell_s)), values(&law.values)])
         }
+        Effect::Crowding(law) => ("crowding", "Crowding", vec![at(law.at), values(&law.values)]),
         Effect::FrameOffset(law) => {
             let frame = format!("frame_offset::Frame::{:?}", law.frame);
-            ("frame_offset", "FrameOffset", vec![("frame", frame), ("values", numbers(&law.values))])
+            ("frame_offset", "FrameOffset", vec![("frame", frame), values(&law.values)])
         }
         Effect::BaseDrift(law) => {
-            let until = ("until_s", number(law.until_s));
-            ("base_drift", "BaseDrift", vec![until, ("values", numbers(&law.values))])
+            ("base_drift", "BaseDrift", vec![("until_s", number(law.until_s)), values(&law.values)])
         }
+        Effect::BaseStep(law) => ("base_step", "BaseStep", vec![("since_s", number(law.since_s)), values(&law.values)]),
         Effect::Scale(law) => ("scale", "Scale", vec![("stretch", number(law.stretch))]),
         Effect::JointOffset(law) => {
-            let offset = ("offset_rad", number(law.offset_rad));
-            ("joint_offset", "JointOffset", vec![("servo", law.servo.to_string()), offset])
+            let servo = ("servo", law.servo.to_string());
+            ("joint_offset", "JointOffset", vec![servo, ("offset_rad", number(law.offset_rad))])
         }
         Effect::StrokeLoss(law) => {
-            let [actuator, state] = [law.actuator, law.state].map(|k| k.to_string());
-            let loss = ("loss_m", number(law.loss_m));
-            ("stroke_loss", "StrokeLoss", vec![("actuator", actuator), ("state", state), loss])
+            let [state, loss] = [("state", law.state.to_string()), ("loss_m", number(law.loss_m))];
+            ("stroke_loss", "StrokeLoss", vec![actuator(law.actuator), state, loss])
         }
         Effect::Wear(law) => {
             let until = ("until_switches", number(law.until_switches));
-            let per_switch = ("per_switch_m", number(law.per_switch_m));
-            ("wear", "Wear", vec![("actuator", law.actuator.to_string()), until, per_switch])
+            ("wear", "Wear", vec![actuator(law.actuator), until, ("per_switch_m", number(law.per_switch_m))])
         }
         Effect::Step(law) => {
-            let [since, shift] = [("since_s", number(law.since_s)), ("shift_m", number(law.shift_m))];
-            ("step", "Step", vec![("actuator", law.actuator.to_string()), since, shift])
+            let since = ("since_s", number(law.since_s));
+            ("step", "Step", vec![actuator(law.actuator), since, ("shift_m", number(law.shift_m))])
+        }
+        Effect::LengthOffset(law) => {
+            ("length_offset", "LengthOffset", vec![actuator(law.actuator), ("offset_m", number(law.offset_m))])
+        }
+        Effect::Interaction(law) => {
+            let [other, shift] = [("other", law.other.to_string()), ("shift_m", number(law.shift_m))];
+            ("interaction", "Interaction", vec![actuator(law.actuator), other, shift])
         }
         Effect::AnchorOffset(law) => {
-            let at = [("actuator", law.actuator.to_string()), ("plate", plate(law.plate))];
-            ("anchor_offset", "AnchorOffset", [&at[..], &[("offset", vector(&law.offset))]].concat())
+            let plate = ("plate", format!("anchor_offset::Plate::{:?}", law.plate));
+            ("anchor_offset", "AnchorOffset", vec![actuator(law.actuator), plate, ("offset", vector(&law.offset))])
         }
         Effect::FittedTerm(law) => ("fitted_term", "FittedTerm", term_fields(law)),
     };
@@ -186,10 +187,6 @@ fn term_fields(term: &FittedTerm<f64>) -> Vec<(&'static str, String)> {
     ]
 }
 
-fn place(at: Place) -> String {
-    format!("Place::{at:?}")
-}
-
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeSet;
@@ -205,7 +202,7 @@ mod tests {
 
     #[test]
     fn every_law_has_all_its_fields() {
-        let details = [Detail::All, Detail::State(1), Detail::Anchor(Plate::Top)];
+        let details = [Detail::All, Detail::State(1), Detail::Anchor(Plate::Top), Detail::With(1)];
         let places = [Place::Actuator(2), Place::Servo(0), Place::Base, Place::Camera, Place::Arm];
         let all = places.iter().flat_map(|place| details.iter().map(move |detail| (*place, *detail)));
         let effects =

@@ -12,12 +12,13 @@ use super::ArmModel;
 use super::raw::{RawEffect, RawFrame, RawPlate, RawVariable};
 
 /// Keys that say where an effect acts, each with the first place that it can name.
-const PLACE_KEYS: [(&str, Place, Detail); 5] = [
+const PLACE_KEYS: [(&str, Place, Detail); 6] = [
     ("actuator", Place::Actuator(0), Detail::All),
     ("module", Place::Module(0), Detail::All),
     ("servo", Place::Servo(0), Detail::All),
     ("state", Place::Actuator(0), Detail::State(0)),
     ("plate", Place::Actuator(0), Detail::Anchor(Plate::Base)),
+    ("other", Place::Actuator(0), Detail::With(1)),
 ];
 
 /// The effect that `raw` describes, in the arm of `model`.
@@ -63,11 +64,15 @@ fn at_its_place(name: LawName, raw: &RawEffect, model: &ArmModel) -> Result<Effe
         (None, None, Some(servo)) => vec![Place::Servo(servo)],
         (None, None, None) => vec![Place::Arm, Place::Base, Place::Tool, Place::Camera],
     };
-    let detail = match (raw.state, raw.plate) {
-        (Some(state), _) => Detail::State(state),
-        (None, Some(RawPlate::Base)) => Detail::Anchor(Plate::Base),
-        (None, Some(RawPlate::Top)) => Detail::Anchor(Plate::Top),
-        (None, None) => Detail::All,
+    let detail = match (raw.state, raw.plate, raw.other) {
+        (Some(state), ..) => Detail::State(state),
+        (None, Some(RawPlate::Base), _) => Detail::Anchor(Plate::Base),
+        (None, Some(RawPlate::Top), _) => Detail::Anchor(Plate::Top),
+        (None, None, Some(other)) if raw.actuator == Some(other) => {
+            return Err(ArmFault::WithItself { actuator: other });
+        }
+        (None, None, Some(other)) => Detail::With(other),
+        (None, None, None) => Detail::All,
     };
     let effect = places.iter().find_map(|place| Effect::at(name, *place, detail));
     let effect = effect.ok_or_else(|| wrong_place_keys(name, raw))?;
@@ -76,11 +81,17 @@ fn at_its_place(name: LawName, raw: &RawEffect, model: &ArmModel) -> Result<Effe
 
 /// Which key is missing, or which is too much, where a law cannot act at the place that the keys name.
 fn wrong_place_keys(name: LawName, raw: &RawEffect) -> ArmFault {
-    let given =
-        [raw.actuator.is_some(), raw.module.is_some(), raw.servo.is_some(), raw.state.is_some(), raw.plate.is_some()];
+    let given = [
+        raw.actuator.is_some(),
+        raw.module.is_some(),
+        raw.servo.is_some(),
+        raw.state.is_some(),
+        raw.plate.is_some(),
+        raw.other.is_some(),
+    ];
     let acts = PLACE_KEYS.map(|(_, place, detail)| Effect::<f64>::at(name, place, detail).is_some());
-    // A law of a state or of an anchor acts on an actuator.
-    let needed = [acts[0] || acts[3] || acts[4], acts[1], acts[2], acts[3], acts[4]];
+    // A law of a state, of an anchor or of two actuators acts on an actuator.
+    let needed = [acts[0] || acts[3] || acts[4] || acts[5], acts[1], acts[2], acts[3], acts[4], acts[5]];
     let keys = PLACE_KEYS.map(|(key, ..)| key);
     match (0..keys.len()).find(|&k| given[k] && !needed[k]) {
         Some(useless) => ArmFault::Useless { key: keys[useless], of: name.as_str() },
@@ -98,8 +109,11 @@ fn check_place(law: &dyn Law<f64>, model: &ArmModel) -> Result<(), ArmFault> {
     match (law.place(), law.detail()) {
         (Place::Actuator(actuator), detail) => {
             check_number(name, ("actuator", actuator), chain.n_actuators())?;
-            let Detail::State(state) = detail else { return Ok(()) };
-            check_state(name, (actuator, state), model)
+            match detail {
+                Detail::State(state) => check_state(name, (actuator, state), model),
+                Detail::With(other) => check_number(name, ("actuator", other), chain.n_actuators()),
+                Detail::All | Detail::Anchor(_) | Detail::Term { .. } => Ok(()),
+            }
         }
         (Place::Module(module), _) => check_number(name, ("module", module), chain.stages.len()),
         (Place::Servo(servo), _) => check_number(name, ("servo", servo), chain.n_servos()),
@@ -212,6 +226,7 @@ pub(super) fn place_keys(effect: &Effect<f64>) -> String {
         Detail::State(state) => format!("state = {state}\n"),
         Detail::Anchor(Plate::Base) => "plate = \"base\"\n".into(),
         Detail::Anchor(Plate::Top) => "plate = \"top\"\n".into(),
+        Detail::With(other) => format!("other = {other}\n"),
         Detail::All | Detail::Term { .. } => String::new(),
     };
     let constant = law.constant().map(|(quantity, value)| format!("{} = {value:?}\n", value_key(&quantity)));

@@ -129,6 +129,12 @@ pub enum ArmFault {
         /// How many there are.
         count: usize,
     },
+    /// An effect is to be that of an actuator on itself.
+    #[error("interaction: `other` is actuator {actuator} itself; name another actuator")]
+    WithItself {
+        /// The actuator.
+        actuator: u8,
+    },
     /// The values of an effect are not those of its law.
     #[error("the values of this law are {}", .expected.join(", "))]
     EffectValues {

@@ -141,10 +141,12 @@ pub(super) struct RawEffect {
     pub(super) module: Option<u8>,
     pub(super) state: Option<u8>,
     pub(super) plate: Option<RawPlate>,
+    pub(super) other: Option<u8>,
     pub(super) servo: Option<u8>,
     pub(super) since_s: Option<Number>,
     pub(super) until_s: Option<Number>,
     pub(super) until_switches: Option<Number>,
+    pub(super) dwell_s: Option<Number>,
     pub(super) along: Option<RawVariable>,
     pub(super) square: Option<bool>,
     pub(super) frame: Option<RawFrame>,
@@ -153,8 +155,13 @@ pub(super) struct RawEffect {
 
 impl RawEffect {
     /// The constants of laws, with their keys.
-    pub(super) fn constants(&self) -> [(&'static str, Option<Number>); 3] {
-        [("since_s", self.since_s), ("until_s", self.until_s), ("until_switches", self.until_switches)]
+    pub(super) fn constants(&self) -> [(&'static str, Option<Number>); 4] {
+        [
+            ("since_s", self.since_s),
+            ("until_s", self.until_s),
+            ("until_switches", self.until_switches),
+            ("dwell_s", self.dwell_s),
+        ]
     }
 }
 

@@ -1,12 +1,17 @@
 //! Round trips of the arm file, and what it says to files that are wrong.
 
 use darm_core::effect::anchor_offset::{AnchorOffset, Plate};
+use darm_core::effect::base_drift::BaseDrift;
+use darm_core::effect::base_step::BaseStep;
+use darm_core::effect::creep::Creep;
 use darm_core::effect::crowding::Crowding;
 use darm_core::effect::drift::Drift;
 use darm_core::effect::fitted_term::{FittedTerm, Variable};
 use darm_core::effect::frame_offset::{Frame, FrameOffset};
 use darm_core::effect::gravity_sag::GravitySag;
+use darm_core::effect::interaction::Interaction;
 use darm_core::effect::joint_offset::JointOffset;
+use darm_core::effect::length_offset::LengthOffset;
 use darm_core::effect::play::Play;
 use darm_core::effect::scale::Scale;
 use darm_core::effect::step::Step;
@@ -117,7 +122,7 @@ fn every_effect_reads_as_it_was() {
     ];
     let values = [0.0, 0.0, 1e-2, 1e-3, -2e-3, 0.0];
     let terms = variables.map(|of| FittedTerm { of, square: true, frame: Frame::Base, values }.into());
-    let effects: [Effect<f64>; 14] = [
+    let effects: [Effect<f64>; 19] = [
         StrokeLoss { actuator: 4, state: 1, loss_m: 1.0 / 3.0 }.into(),
         AnchorOffset { actuator: 7, plate: Plate::Top, offset: Vec3::new(1e-3, -2e-3, 0.0) }.into(),
         GravitySag { at: EffectPlace::Arm, compliance_m_per_n: 1.2e-7 }.into(),
@@ -125,6 +130,11 @@ fn every_effect_reads_as_it_was() {
         SupplyStroke { at: EffectPlace::Actuator(3), gain: 0.1 }.into(),
         ThermalGrowth { at, expansion_per_k: 1.2e-5 }.into(),
         Step { actuator: 2, since_s: 12.5, shift_m: -1e-3 }.into(),
+        LengthOffset { actuator: 2, offset_m: -1e-3 }.into(),
+        Interaction { actuator: 2, other: 9, shift_m: -1e-3 }.into(),
+        Creep { at, dwell_s: 1.5, values: [1e-3, -2e-3] }.into(),
+        BaseStep { since_s: 12.5, values: [0.0, 0.0, 1e-2, 1e-3, -2e-3, 0.0] }.into(),
+        BaseDrift { until_s: 80.0, values: [0.0, 0.0, 1e-5, 1e-6, -2e-6, 0.0] }.into(),
         Drift { at: EffectPlace::Arm, until_s: 80.0, values: [1e-5, -1e-8] }.into(),
         Wear { actuator: 11, until_switches: 150.0, per_switch_m: 1e-5 }.into(),
         Crowding { at, values: [1e-3, -2e-3] }.into(),
@@ -258,8 +268,8 @@ fn effects_that_cannot_be_are_told() {
     assert_eq!(
         message("\"sag\"\nvalues = {}"),
         "arm.toml:152:7: there is no law `sag`; the laws are anchor-offset, base-drift, base-offset, \
-         crowding, drift, fitted-term, gravity-sag, joint-offset, play, scale, step, stroke-loss, supply-stroke, thermal-growth, tool-offset, \
-         wear"
+         base-step, creep, crowding, drift, fitted-term, gravity-sag, interaction, joint-offset, length-offset, play, scale, \
+         step, stroke-loss, supply-stroke, thermal-growth, tool-offset, wear"
     );
     let values = "values = {}";
     for (effect, said) in [
@@ -269,6 +279,12 @@ fn effects_that_cannot_be_are_told() {
         ("\"base-offset\"\nactuator = 0", "base-offset has no key `actuator`; remove it"),
         ("\"gravity-sag\"\nstate = 0", "gravity-sag has no key `state`; remove it"),
         ("\"joint-offset\"", "joint-offset needs the key `servo`; add it"),
+        ("\"interaction\"\nactuator = 0", "interaction needs the key `other`; add it"),
+        (
+            "\"interaction\"\nactuator = 1\nother = 1",
+            "interaction: `other` is actuator 1 itself; name another actuator",
+        ),
+        ("\"length-offset\"\nactuator = 0\nother = 1", "length-offset has no key `other`; remove it"),
     ] {
         assert_eq!(message(&format!("{effect}\n{values}")), format!("arm.toml:152:7: {said}"));
     }

@@ -179,7 +179,7 @@ fn loads(arm: &Arm, desired: &[DesiredFrame]) -> Vec<f64> {
         if arm.model.predict(&condition, &mut scratch).is_err() {
             continue;
         }
-        let loads = arm.model.loads(&scratch);
+        let loads = arm.model.loads(&scratch, 0.0);
         for (largest, (stage, leg)) in largest.iter_mut().zip(arm.model.chain.actuators()) {
             *largest = f64::max(*largest, loads[stage][leg].abs());
         }

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use darm_core::effect::base_step::BaseStep;
+use darm_core::effect::gravity_sag::GravitySag;
 use darm_core::effect::law_name::LawName;
 use darm_core::effect::stroke_loss::StrokeLoss;
 use darm_core::effect::supply_stroke::SupplyStroke;
@@ -42,6 +44,11 @@ fn changing(time_s: f64) -> (f64, f64) {
 
 /// A measurement plan played on `arm` with these effects, 0.2 mm and 0.02° of noise.
 fn measured(arm: &Arm, effects: &[Effect<f64>], surroundings: Surroundings) -> Run {
+    carrying(arm, effects, surroundings, |_| None)
+}
+
+/// The same with a tool that carries so much, kg, in each visit.
+fn carrying(arm: &Arm, effects: &[Effect<f64>], surroundings: Surroundings, load_kg: fn(usize) -> Option<f64>) -> Run {
     let mut rng = ChaCha8Rng::seed_from_u64(11);
     let mut model = arm.model.clone();
     model.effects.extend(effects.iter().copied());
@@ -51,7 +58,14 @@ fn measured(arm: &Arm, effects: &[Effect<f64>], surroundings: Surroundings) -> R
         let time_s = 0.3 * visit as f64;
         let (supply, temperature_k) = surroundings(time_s);
         let previous = Some(step.previous);
-        let condition = Condition { previous, supply, temperature_k, ..model.nominal(step.word, &[]) };
+        let condition = Condition {
+            previous,
+            supply,
+            temperature_k,
+            time_s: Some(time_s),
+            load_kg: load_kg(visit).unwrap_or(0.0),
+            ..model.nominal(step.word, &[])
+        };
         let pose = model.predict(&condition, &mut scratch).unwrap();
         let mut normal = |scale: f64| scale * <StandardNormal as Distribution<f64>>::sample(&StandardNormal, &mut rng);
         let linear = Vec3::new(normal(2e-4), normal(2e-4), 0.0);
@@ -64,6 +78,7 @@ fn measured(arm: &Arm, effects: &[Effect<f64>], surroundings: Surroundings) -> R
             pose: pose * Pose::exp(&noise),
             supply: Some(supply),
             temperature_c: Some(temperature_k - 273.15),
+            load_kg: load_kg(visit),
             run: 0,
             visit: visit as u32,
             held_out: step.held_out,
@@ -91,6 +106,37 @@ fn the_value_lies_in_its_interval_and_the_model_is_corrected() {
     assert_eq!(corrected.model.number, arm.model.number + 1);
     let again = diagnose(&corrected, &run, &Options::default()).unwrap().diagnosis;
     assert_eq!(again.verdict, Verdict::NoEffect);
+}
+
+#[test]
+fn a_sag_under_loads_that_change_is_found_by_the_column_of_loads_alone() {
+    let arm = arm();
+    let sag: Effect<f64> = GravitySag { at: Place::Arm, compliance_m_per_n: 2e-6 }.into();
+    let mut run = carrying(&arm, &[sag], changing, |visit| Some(((visit / 15) % 3) as f64));
+    let Outcome { diagnosis, .. } = diagnose(&arm, &run, &Options::default()).unwrap();
+    let [found] = &diagnosis.effects[..] else { panic!("{:?}", diagnosis.plain) };
+    assert_eq!((found.law.as_str(), &found.site.code[..]), ("gravity-sag", "arm"));
+    let [low, high] = found.values[0].ci95.unwrap();
+    assert!(low < 2e-6 && 2e-6 < high, "{found:?}");
+    let error_m = |diagnosis: &Diagnosis| diagnosis.error.after.held_out_or_train().norm.value;
+    assert!(error_m(&diagnosis) < 4e-4);
+    // Without the column one compliance has to serve for all loads.
+    run.samples.iter_mut().for_each(|sample| sample.load_kg = None);
+    let without = diagnose(&arm, &run, &Options::default()).unwrap().diagnosis;
+    assert!(error_m(&without) > 1.5 * error_m(&diagnosis), "{:?}", without.plain);
+}
+
+#[test]
+fn a_base_that_is_moved_at_a_moment_is_found_with_that_moment() {
+    let arm = arm();
+    let step: Effect<f64> = BaseStep { since_s: 40.0, values: [0.0, 0.0, 1e-3, 2e-3, -1e-3, 0.0] }.into();
+    let run = measured(&arm, &[step], changing);
+    let Outcome { diagnosis, correction } = diagnose(&arm, &run, &Options::default()).unwrap();
+    let [found] = &diagnosis.effects[..] else { panic!("{:?}", diagnosis.plain) };
+    assert_eq!((found.law.as_str(), &found.site.code[..]), ("base-step", "base"));
+    let Effect::BaseStep(step) = correction.best_effects[0] else { panic!("{:?}", correction.best_effects) };
+    // Rows are 0.3 s apart.
+    assert!((39.7..=40.3).contains(&step.since_s), "{step:?}");
 }
 
 #[test]
@@ -200,7 +246,7 @@ fn a_run_that_says_too_little_or_does_not_fit_is_refused() {
 fn every_law_is_a_candidate() {
     let names: std::collections::BTreeSet<_> = candidate::all(&arm().model).iter().map(|e| e.law().name()).collect();
     // All but the zero of a servo, which this arm has not.
-    assert_eq!(names.len(), 14);
+    assert_eq!(names.len(), 18);
     let supply = Effect::from(SupplyStroke { at: Place::Arm, gain: 0.1 });
     assert!(candidate::all(&arm().model).iter().any(|effect| candidate::same(effect, &supply)));
     let law: &dyn Law<f64> = supply.law();

@@ -3,7 +3,7 @@
 //! | variable | shapes |
 //! | --- | --- |
 //! | time | straight; waves: a parabola and sin, cos of up to [`WAVES`] periods in the run; step: the best of [`MOMENTS`] |
-//! | supply, temperature, position of a servo | straight; square: 1st and 2nd power |
+//! | supply, temperature, load, position of a servo | straight; square: 1st and 2nd power |
 //! | digit of an actuator | straight: one column for each state but the first |
 //! | digits of two actuators | together: the product |
 //! | word before, at an actuator; word before the last | straight: whether the actuator stayed, or is where it was then |
@@ -62,15 +62,24 @@ fn surroundings(arm: &Arm, observations: &Observations) -> Vec<Term> {
     }
     let mut terms = Vec::new();
     for (regressor, of) in channels {
-        let values: Vec<f64> = observations.rows.iter().map(|row| of.of(&observations.condition(row))).collect();
-        let squares = values.iter().map(|value| value * value).collect();
-        let term = |shape, columns, kept| Term { regressor: regressor.clone(), shape, columns, kept };
-        terms.push(term(Shape::Straight, vec![values.clone()], vec![(of, false)]));
-        terms.push(term(Shape::Square, vec![values, squares], vec![(of, false), (of, true)]));
+        let values = observations.rows.iter().map(|row| of.of(&observations.condition(row))).collect();
+        terms.extend(straight_and_square(&regressor, values, Some(of)));
     }
+    let load = |row: &Row| observations.condition(row).load_kg;
+    let (center, span) = range(&load);
+    let loads = observations.rows.iter().map(|row| (load(row) - center) / span).collect();
+    terms.extend(straight_and_square(&Regressor::Load, loads, None));
     let (middle_s, half_s) = scale(observations.times_s());
     terms.extend(time(observations.times_s().map(|time_s| (time_s - middle_s) / half_s).collect()));
     terms
+}
+
+/// The two terms of a variable that is given from −1 to 1; `of` is what a model may keep of it.
+fn straight_and_square(regressor: &Regressor, values: Vec<f64>, of: Option<Variable<f64>>) -> [Term; 2] {
+    let squares = values.iter().map(|value| value * value).collect();
+    let kept = |powers: &[bool]| powers.iter().filter_map(|&square| Some((of?, square))).collect();
+    let term = |shape, columns, powers| Term { regressor: regressor.clone(), shape, columns, kept: kept(powers) };
+    [term(Shape::Straight, vec![values.clone()], &[false]), term(Shape::Square, vec![values, squares], &[false, true])]
 }
 
 /// Terms of the time, given from −1 to 1.

@@ -1,8 +1,10 @@
 //! What may be the matter: every effect law of `darm-core` at every place where it can act.
 
 use darm_core::effect::anchor_offset::Plate;
+use darm_core::effect::base_step::BaseStep;
 use darm_core::effect::fitted_term::{FittedTerm, VariableName};
 use darm_core::effect::law_name::LawName;
+use darm_core::effect::step::Step;
 use darm_core::effect::{Detail, Effect, Place as Part};
 
 use crate::effect::{Place, Site};
@@ -33,6 +35,8 @@ fn places(model: &ArmModel) -> Vec<(Part, Detail)> {
         if model.chain.stages[stage].leg(leg).is_some() {
             places.extend([Plate::Base, Plate::Top].map(|plate| (actuator, Detail::Anchor(plate))));
         }
+        let others = (0..model.chain.n_actuators()).filter(|other| *other != index);
+        places.extend(others.map(|other| (actuator, Detail::With(other as u8))));
     }
     places
 }
@@ -54,6 +58,15 @@ fn groups(model: &ArmModel) -> Vec<Part> {
     places
 }
 
+/// An effect that begins at a moment, from another moment on, s; `None` of one that does not.
+pub fn beginning(effect: &Effect<f64>, since_s: f64) -> Option<Effect<f64>> {
+    match *effect {
+        Effect::Step(step) => Some(Step { since_s, ..step }.into()),
+        Effect::BaseStep(step) => Some(BaseStep { since_s, ..step }.into()),
+        _ => None,
+    }
+}
+
 /// Whether two effects are the same law at the same place, whatever their values and moments.
 pub fn same(a: &Effect<f64>, b: &Effect<f64>) -> bool {
     a.law().name() == b.law().name() && Place::of_arm(a) == Place::of_arm(b)
@@ -66,6 +79,7 @@ pub fn place_code(effect: &Effect<f64>) -> String {
         Detail::State(state) => format!(", state {state}"),
         Detail::Anchor(Plate::Base) => ", base anchor".into(),
         Detail::Anchor(Plate::Top) => ", top anchor".into(),
+        Detail::With(other) => format!(", with actuator {other}"),
         Detail::Term { of, square } => {
             format!(", along {}", variable(of, square, &|of| format!("actuator {of}"), &|of| format!("servo {of}")))
         }

@@ -173,7 +173,7 @@ impl<'a> Posture<'a> {
         let seen = model.predict(&condition, scratch).map_err(|error| NoPose { sample: row.sample, error })?;
         let n = model.chain.stages.len();
         let sites: Vec<(Site<f64>, usize)> = model.sites(&condition).collect();
-        let loads = model.loads(scratch);
+        let loads = model.loads(scratch, condition.load_kg);
         Ok(Self {
             condition,
             settings: scratch.settings[..n].to_vec(),

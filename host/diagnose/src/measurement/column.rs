@@ -1,7 +1,7 @@
 //! A column of a table: its name gives quantity and unit, its numbers are in SI.
 
 /// Factors to SI by the unit that a column's name ends in, and the unit that comes of it.
-const UNITS: [(&str, f64, &str); 28] = [
+const UNITS: [(&str, f64, &str); 30] = [
     ("s", 1.0, "s"),
     ("ms", 1e-3, "s"),
     ("us", 1e-6, "s"),
@@ -10,6 +10,8 @@ const UNITS: [(&str, f64, &str); 28] = [
     ("um", 1e-6, "m"),
     ("rad", 1.0, "rad"),
     ("deg", std::f64::consts::PI / 180.0, "rad"),
+    ("kg", 1.0, "kg"),
+    ("g", 1e-3, "kg"),
     ("n", 1.0, "N"),
     ("nm", 1.0, "N·m"),
     ("bar", 1e5, "Pa"),

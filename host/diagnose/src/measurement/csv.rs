@@ -112,33 +112,52 @@ pub fn write_table(path: &Path, text: &str) -> io::Result<()> {
 
 /// The text of such a file.
 pub fn write_text(run: &Run) -> String {
-    let planar = run.samples.iter().all(|sample| sample.pose.is_planar());
-    let n_servos = run.samples.first().map_or(0, |sample| sample.servos_rad.len());
-    let rows = run.samples.iter().map(|sample| row(sample, planar));
-    csv_text(&iter::once(header(planar, n_servos)).chain(rows).collect::<Vec<_>>())
+    let samples = &run.samples;
+    let columns = Columns {
+        planar: samples.iter().all(|sample| sample.pose.is_planar()),
+        has_load: samples.iter().any(|sample| sample.load_kg.is_some()),
+        n_servos: samples.first().map_or(0, |sample| sample.servos_rad.len()),
+    };
+    let rows = samples.iter().map(|sample| columns.row(sample));
+    csv_text(&iter::once(columns.header()).chain(rows).collect::<Vec<_>>())
 }
 
-/// The names of the columns.
-pub(super) fn header(planar: bool, n_servos: usize) -> StringRecord {
-    let pose: &[_] =
-        if planar { &["x_m", "y_m", "angle_deg"] } else { &["x_m", "y_m", "z_m", "rx_deg", "ry_deg", "rz_deg"] };
-    let mut header = StringRecord::from(vec!["time_s", "word", "previous"]);
-    header.extend((0..n_servos).map(|k| format!("servo{k}_deg")));
-    header.extend(pose);
-    header.extend(["supply_bar", "temperature_c", "run", "visit", "held_out"]);
-    header
+/// Which columns a file of poses has.
+#[derive(Clone, Copy)]
+pub(super) struct Columns {
+    pub(super) planar: bool,
+    pub(super) has_load: bool,
+    pub(super) n_servos: usize,
 }
 
-/// The cells of a sample under [`header`].
-pub(super) fn row(sample: &Sample, planar: bool) -> StringRecord {
-    let optional = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:.4}"));
-    let previous = sample.previous.map_or(String::new(), |word| word.to_string());
-    let mut row = StringRecord::from(vec![format!("{:.6}", sample.time_s), sample.word.to_string(), previous]);
-    row.extend(sample.servos_rad.iter().map(|angle| format!("{:.4}", angle.to_degrees())));
-    row.extend(pose_cells(&sample.pose, planar));
-    row.extend([optional(sample.supply.map(|supply_pa| supply_pa / PA_PER_BAR)), optional(sample.temperature_c)]);
-    row.extend([sample.run.to_string(), sample.visit.to_string(), u8::from(sample.held_out).to_string()]);
-    row
+impl Columns {
+    /// Their names.
+    pub(super) fn header(&self) -> StringRecord {
+        let pose: &[_] = match self.planar {
+            true => &["x_m", "y_m", "angle_deg"],
+            false => &["x_m", "y_m", "z_m", "rx_deg", "ry_deg", "rz_deg"],
+        };
+        let mut header = StringRecord::from(vec!["time_s", "word", "previous"]);
+        header.extend((0..self.n_servos).map(|k| format!("servo{k}_deg")));
+        header.extend(pose);
+        header.extend(["supply_bar", "temperature_c"]);
+        header.extend(self.has_load.then_some("load_kg"));
+        header.extend(["run", "visit", "held_out"]);
+        header
+    }
+
+    /// The cells of a sample.
+    pub(super) fn row(&self, sample: &Sample) -> StringRecord {
+        let optional = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:.4}"));
+        let previous = sample.previous.map_or(String::new(), |word| word.to_string());
+        let mut row = StringRecord::from(vec![format!("{:.6}", sample.time_s), sample.word.to_string(), previous]);
+        row.extend(sample.servos_rad.iter().map(|angle| format!("{:.4}", angle.to_degrees())));
+        row.extend(pose_cells(&sample.pose, self.planar));
+        row.extend([optional(sample.supply.map(|supply_pa| supply_pa / PA_PER_BAR)), optional(sample.temperature_c)]);
+        row.extend(self.has_load.then(|| optional(sample.load_kg)));
+        row.extend([sample.run.to_string(), sample.visit.to_string(), u8::from(sample.held_out).to_string()]);
+        row
+    }
 }
 
 /// Files hold bar, samples Pa.

@@ -16,6 +16,7 @@
 //! | `x_m`, `y_m`, `angle_deg` | pose of the tool in the base, of a planar arm |
 //! | `x_m`, `y_m`, `z_m`, `rx_deg`, `ry_deg`, `rz_deg` | the same of any arm, with a rotation vector |
 //! | `supply_bar`, `temperature_c` ? | supply and temperature of the arm |
+//! | `load_kg` ? | what the tool carries in addition to the payload of the model, at its centre of mass |
 //! | `run` ?, `visit` ? | number of the run and of the visit; without them 0 and the row's number |
 //! | `held_out` ? | 1 where no fit may see the row, 0 elsewhere |
 //!
@@ -78,6 +79,8 @@ pub struct Sample {
     pub supply: Option<f64>,
     /// Temperature of the arm, °C; `None` where it was not measured.
     pub temperature_c: Option<f64>,
+    /// What the tool carries in addition to the payload of the model, kg; `None` where the log does not say.
+    pub load_kg: Option<f64>,
     /// Number of the run.
     pub run: u32,
     /// Number of the visit.

@@ -125,6 +125,7 @@ struct Columns<'a> {
     pose: Vec<&'a Column>,
     supply: Option<&'a Column>,
     temperature: Option<&'a Column>,
+    load: Option<&'a Column>,
     run: Option<&'a Column>,
     visit: Option<&'a Column>,
 }
@@ -152,6 +153,7 @@ impl<'a> Columns<'a> {
             pose: pose.iter().map(|(quantity, unit)| needed(quantity, unit)).collect::<Result<_, _>>()?,
             supply: in_unit("supply", "Pa"),
             temperature: in_unit("temperature", "°C").or_else(|| in_unit("temperature", "K")),
+            load: in_unit("load", "kg"),
             run: table.quantity("run"),
             visit: table.quantity("visit"),
         })
@@ -164,7 +166,7 @@ impl<'a> Columns<'a> {
 
     /// Columns that hold nothing which is known here, and angles that look like another unit.
     fn findings(&self) -> Vec<Finding> {
-        let optional = [self.previous, self.supply, self.temperature, self.run, self.visit];
+        let optional = [self.previous, self.supply, self.temperature, self.load, self.run, self.visit];
         let known: Vec<&str> =
             self.needed().chain(optional.into_iter().flatten()).map(|column| &column.name[..]).collect();
         let unread = |column: &&Column| !known.contains(&&column.name[..]) && column.meaning() != "held_out";
@@ -224,6 +226,7 @@ impl Row<'_> {
             temperature_c: self
                 .measured(columns.temperature)?
                 .map(|t| if self.in_kelvin() { t - ZERO_CELSIUS } else { t }),
+            load_kg: self.measured(columns.load)?,
             run,
             visit: self.optional(columns.visit, "an integer")?.unwrap_or(index as u32),
             held_out: false,

@@ -9,7 +9,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 
-use super::csv::{header, row};
+use super::csv::Columns;
 use super::log::{self, Rows};
 use super::{Run, Sample};
 
@@ -17,12 +17,6 @@ use super::{Run, Sample};
 pub struct Stream {
     sink: Sink,
     columns: Option<Columns>,
-}
-
-/// Which columns the rows have.
-#[derive(Clone, Copy)]
-struct Columns {
-    planar: bool,
 }
 
 enum Sink {
@@ -88,9 +82,9 @@ impl Stream {
     pub fn row(&mut self, sample: &Sample, planar: bool) -> io::Result<()> {
         let columns = match self.columns {
             Some(columns) => columns,
-            None => self.header(planar, sample.servos_rad.len())?,
+            None => self.header(sample, planar)?,
         };
-        let row = row(sample, columns.planar);
+        let row = columns.row(sample);
         match &mut self.sink {
             Sink::Text(file) => file.write_all(csv_text([&row]).as_bytes()),
             Sink::Compressed(encoder) => write_compressed(encoder, &csv_text([&row])),
@@ -129,8 +123,9 @@ impl Stream {
         }
     }
 
-    fn header(&mut self, planar: bool, n_servos: usize) -> io::Result<Columns> {
-        let header = header(planar, n_servos);
+    fn header(&mut self, sample: &Sample, planar: bool) -> io::Result<Columns> {
+        let columns = Columns { planar, has_load: sample.load_kg.is_some(), n_servos: sample.servos_rad.len() };
+        let header = columns.header();
         match &mut self.sink {
             Sink::Text(file) => file.write_all(csv_text([&header]).as_bytes())?,
             Sink::Compressed(encoder) => write_compressed(encoder, &csv_text([&header]))?,
@@ -141,7 +136,7 @@ impl Stream {
                 file.write_all(&rows.log.take())?;
             }
         }
-        Ok(*self.columns.insert(Columns { planar }))
+        Ok(*self.columns.insert(columns))
     }
 
     fn file(&self) -> &File {
@@ -176,6 +171,7 @@ mod tests {
             pose: Pose2::new(0.1 * f64::from(visit), 0.2, 0.3).into(),
             supply: Some(6e5),
             temperature_c: None,
+            load_kg: None,
             run: 3,
             visit,
             held_out: false,

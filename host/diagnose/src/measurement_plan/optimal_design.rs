@@ -26,7 +26,7 @@ pub fn informative_first(mut covariance: DMatrix<f64>, measurements: &[DMatrix<f
             }
             gains[best] = (gain(&covariance, &measurements[best]), round);
         };
-        covariance = updated(&covariance, &measurements[best]);
+        update(&mut covariance, &measurements[best]);
         chosen.push(best);
     }
     chosen
@@ -38,13 +38,12 @@ fn gain(covariance: &DMatrix<f64>, jacobian: &DMatrix<f64>) -> f64 {
     (DMatrix::identity(n, n) + jacobian * covariance * jacobian.transpose()).determinant().ln()
 }
 
-/// (P⁻¹ + JᵀJ)⁻¹.
-fn updated(covariance: &DMatrix<f64>, jacobian: &DMatrix<f64>) -> DMatrix<f64> {
+/// P becomes (P⁻¹ + JᵀJ)⁻¹.
+fn update(covariance: &mut DMatrix<f64>, jacobian: &DMatrix<f64>) {
     let n = jacobian.nrows();
-    let across = jacobian * covariance;
-    match (DMatrix::identity(n, n) + &across * jacobian.transpose()).try_inverse() {
-        Some(inner) => covariance - across.transpose() * inner * across,
-        None => covariance.clone(),
+    let across = jacobian * &*covariance;
+    if let Some(inner) = (DMatrix::identity(n, n) + &across * jacobian.transpose()).try_inverse() {
+        covariance.gemm_tr(-1.0, &across, &(inner * &across), 1.0);
     }
 }
 

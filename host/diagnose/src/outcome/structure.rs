@@ -79,6 +79,8 @@ pub enum Regressor {
     Supply,
     /// Temperature.
     Temperature,
+    /// What the tool carries.
+    Load,
     /// Position of a servo, counted from 0.
     Servo(usize),
     /// The digit of an actuator.
@@ -107,6 +109,7 @@ impl Regressor {
             Self::Time => "time".into(),
             Self::Supply => "supply".into(),
             Self::Temperature => "temperature".into(),
+            Self::Load => "load".into(),
             Self::Servo(servo) => format!("position of servo {servo}"),
             Self::Digit(of) => format!("digit of {}", actuator(*of)),
             Self::Digits([a, b]) => format!("digit of {} with digit of {}", actuator(*a), actuator(*b)),

@@ -5,12 +5,13 @@
 //! noise of that axis, so a residual of an exact model has three (six) components of size 1.
 
 use darm_core::chain::ChainError;
+use darm_core::effect::End;
 use darm_core::model::Condition;
 use darm_core::real::Vec3;
 use darm_core::se::Pose;
 use darm_core::units::Word;
 
-use crate::measurement::{Run, Sample};
+use crate::measurement::{Run, Sample, median};
 use darm_arm::arm::{Arm, ArmModel, ArmScratch, ZERO_CELSIUS};
 
 /// Components of a twist that a planar arm moves along.
@@ -35,6 +36,8 @@ pub struct Row {
     /// Time since the run began, s.
     pub time_s: f64,
     switches: Vec<f64>,
+    dwell_s: Vec<f64>,
+    load_kg: f64,
     inverse: Pose<f64>,
 }
 
@@ -75,18 +78,14 @@ impl Observations {
         words.sort();
         words.dedup();
         let start_s = run.start_s();
-        let mut switches = vec![0.0; arm.n_actuators()];
-        let mut count = |s: &Sample| {
-            let switched = |k: usize| s.previous.is_some_and(|previous| previous.digit(k) != s.word.digit(k));
-            switches.iter_mut().enumerate().filter(|(k, _)| switched(*k)).for_each(|(_, count)| *count += 1.0);
-            switches.clone()
-        };
-        let counted = run.samples.iter().map(&mut count).collect::<Vec<_>>();
+        let histories = histories(arm, run);
         let mut rows = Vec::new();
-        for ((sample, s), switches) in run.samples.iter().enumerate().zip(counted).filter(|(of, _)| choose(of)) {
+        for ((sample, s), history) in run.samples.iter().enumerate().zip(histories).filter(|(of, _)| choose(of)) {
             rows.push(Row {
                 time_s: s.time_s - start_s,
-                switches,
+                switches: history.switches,
+                dwell_s: history.switched_s.iter().map(|switched_s| s.time_s - switched_s).collect(),
+                load_kg: s.load_kg.unwrap_or(0.0),
                 sample,
                 group: words.binary_search(&s.word).expect("words has the word of every chosen sample"),
                 word: s.word,
@@ -100,9 +99,11 @@ impl Observations {
         Self { rows, n_groups: words.len(), axes: axes(arm), sigma, length_scale_m: arm.length_scale_m }
     }
 
-    /// Time since the run began, s, and how often each actuator had switched, in the last row.
-    pub fn last(&self) -> (f64, Vec<f64>) {
-        self.rows.last().map_or_else(Default::default, |row| (row.time_s, row.switches.clone()))
+    /// What had come to the arm in the last row; `None` without rows.
+    pub fn end(&self) -> Option<End<'_, f64>> {
+        let dwells = self.rows.iter().flat_map(|row| &row.dwell_s).copied().filter(|dwell_s| *dwell_s > 0.0);
+        let dwell_s = median(dwells).unwrap_or(0.0);
+        self.rows.last().map(|row| End { time_s: row.time_s, switches: &row.switches, dwell_s })
     }
 
     /// Time of each row since the run began, s.
@@ -210,6 +211,39 @@ impl Observations {
             temperature_k: row.temperature_k,
             time_s: Some(row.time_s),
             switches: &row.switches,
+            dwell_s: &row.dwell_s,
+            load_kg: row.load_kg,
         }
     }
+}
+
+/// What had come to each actuator of an arm in one sample.
+#[derive(Clone)]
+struct History {
+    /// How often it had switched.
+    switches: Vec<f64>,
+    /// When the pose was taken of the sample that switched it last; of none, that of the first one.
+    switched_s: Vec<f64>,
+}
+
+impl History {
+    /// Adds a sample.
+    fn follow(&mut self, sample: &Sample) {
+        let Some(previous) = sample.previous else { return };
+        for k in (0..self.switches.len()).filter(|&k| previous.digit(k) != sample.word.digit(k)) {
+            self.switches[k] += 1.0;
+            self.switched_s[k] = sample.time_s;
+        }
+    }
+}
+
+/// That of each sample of a run.
+fn histories(arm: &Arm, run: &Run) -> Vec<History> {
+    let n = arm.n_actuators();
+    let mut history = History { switches: vec![0.0; n], switched_s: vec![run.start_s(); n] };
+    let after = |sample: &Sample| {
+        history.follow(sample);
+        history.clone()
+    };
+    run.samples.iter().map(after).collect()
 }

@@ -3,7 +3,10 @@
 use darm_core::effect::Effect;
 use darm_core::effect::anchor_offset::{AnchorOffset, Plate};
 use darm_core::effect::base_drift::BaseDrift;
+use darm_core::effect::creep::Creep;
+use darm_core::effect::crowding::Crowding;
 use darm_core::effect::drift::Drift;
+use darm_core::effect::stroke_loss::StrokeLoss;
 
 use crate::judge::fitted_terms::WithTerms;
 use crate::linearise::arm_candidates::{place_name, term_name};
@@ -260,14 +263,7 @@ fn capitalised(sentence: &str) -> String {
 pub fn effect_sentence(arm: &Arm, effect: &Effect<f64>) -> String {
     let place = place_name(arm, effect);
     match effect {
-        Effect::StrokeLoss(law) => {
-            let way = longer(-law.loss_m);
-            format!(
-                "{place}: in state {} it is {:.2} mm {way} than its stop sets it.",
-                law.state,
-                law.loss_m.abs() * 1e3
-            )
-        }
+        Effect::StrokeLoss(law) => stroke_sentence(&place, law),
         Effect::AnchorOffset(law) => anchor_sentence(&place, law, arm.model.chain.is_planar()),
         Effect::GravitySag(law) => {
             format!("{place}: the legs deflect by {:.3} mm per 100 N of load.", law.compliance_m_per_n * 1e5)
@@ -286,34 +282,60 @@ pub fn effect_sentence(arm: &Arm, effect: &Effect<f64>) -> String {
             let (way, since_s) = (longer(law.shift_m), law.since_s);
             format!("{place}: since {since_s:.1} s after the start it is {:.2} mm {way}.", law.shift_m.abs() * 1e3)
         }
+        Effect::LengthOffset(law) => {
+            let way = longer(law.offset_m);
+            format!("{place}: it is {:.2} mm {way} in every state than its stops set it.", law.offset_m.abs() * 1e3)
+        }
+        Effect::Interaction(law) => {
+            let (way, other) = (longer(law.shift_m), arm.actuator_name(law.other.into()));
+            format!("{place}: while {other} is extended too, it is {:.2} mm {way}.", law.shift_m.abs() * 1e3)
+        }
+        Effect::Creep(law) => creep_sentence(&place, law),
         Effect::Drift(law) => drift_sentence(&place, law),
         Effect::Wear(law) => {
             let way = if law.per_switch_m > 0.0 { "farther" } else { "less far" };
             format!("{place}: its stops let it {:.2} mm {way} per 100 switches.", law.per_switch_m.abs() * 1e5)
         }
-        Effect::Crowding(law) => {
-            let [short_mm, more_mm] = [law.values[0] * 1e3, law.values[1] * -1e2];
-            format!(
-                "{place}: an actuator stays {short_mm:.2} mm short per other actuator of its module that switches with it, and \
-                 {more_mm:.2} mm more per 10 % drop in supply."
-            )
-        }
+        Effect::Crowding(law) => crowding_sentence(&place, law),
         Effect::FrameOffset(law) => frame_sentence(&place, &law.values, arm.model.chain.is_planar()),
         Effect::Scale(law) => {
             let way = if law.stretch > 0.0 { "over-reads" } else { "under-reads" };
             format!("{place}: it {way} length by {:.3} %.", law.stretch.abs() * 100.0)
         }
         Effect::BaseDrift(law) => base_drift_sentence(&place, law, arm.model.chain.is_planar()),
+        Effect::BaseStep(law) => {
+            let moved = frame_sentence(&place, &law.values, arm.model.chain.is_planar());
+            format!("Since {:.1} s after the start {moved}", law.since_s)
+        }
         Effect::FittedTerm(term) => {
             format!("{place}: its error depends on {}, which no law explains (fitted term).", term_name(arm, term))
         }
         Effect::JointOffset(law) => {
-            format!(
-                "{place}: its joint is offset {:+.3}° from the angle that the servo reports.",
-                law.offset_rad.to_degrees()
-            )
+            let offset_deg = law.offset_rad.to_degrees();
+            format!("{place}: its joint is offset {offset_deg:+.3}° from the angle that the servo reports.")
         }
     }
+}
+
+fn stroke_sentence(place: &str, law: &StrokeLoss<f64>) -> String {
+    let (way, short_mm) = (longer(-law.loss_m), law.loss_m.abs() * 1e3);
+    format!("{place}: in state {} it is {short_mm:.2} mm {way} than its stop sets it.", law.state)
+}
+
+fn creep_sentence(place: &str, law: &Creep<f64>) -> String {
+    let [fast_mm, slow_mm] = law.values.map(|size| size * 1e3);
+    format!(
+        "{place}: an actuator that stays in its state creeps {fast_mm:+.2} mm onto its stop within a second, and {slow_mm:+.2} \
+         mm within ten seconds."
+    )
+}
+
+fn crowding_sentence(place: &str, law: &Crowding<f64>) -> String {
+    let [short_mm, more_mm] = [law.values[0] * 1e3, law.values[1] * -1e2];
+    format!(
+        "{place}: an actuator stays {short_mm:.2} mm short per other actuator of its module that switches with it, and \
+         {more_mm:.2} mm more per 10 % drop in supply."
+    )
 }
 
 fn drift_sentence(place: &str, law: &Drift<f64>) -> String {

@@ -4,7 +4,6 @@
 //! others away. Each tenth of the words is predicted by the values that the other nine tenths give. Where the user says so
 //! it leaves out each value of a column in turn.
 
-use nalgebra::DVector;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
@@ -69,16 +68,13 @@ fn with_moments(
 ) -> (Vec<Vec<f64>>, Vec<f64>) {
     let mut columns = linear.columns.to_vec();
     let mut residuals = linear.residuals.to_vec();
-    let nothing = |step: &Step| DVector::from_element(1, -step.shift_m);
     for step in steps {
-        let own = std::slice::from_ref(&linear.columns[step.value]);
-        residuals = moved(own, &residuals, &nothing(step));
-    }
-    for step in steps {
-        let own = std::slice::from_ref(&linear.columns[step.value]);
-        let without = moved(own, linear.residuals, &nothing(step));
+        residuals = step.taken_from(linear.columns, &residuals);
+        let without = step.taken_from(linear.columns, linear.residuals);
         let since_s = change_point(observations, &step.always, &without, counts).unwrap_or(f64::INFINITY);
-        columns[step.value] = since(observations, &step.always, since_s);
+        for (&value, always) in step.values.iter().zip(&step.always) {
+            columns[value] = since(observations, always, since_s);
+        }
     }
     (columns, residuals)
 }

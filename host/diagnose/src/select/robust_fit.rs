@@ -78,8 +78,15 @@ pub fn normal(columns: &[Vec<f64>], residuals: &[f64], weights: &[f64]) -> (DMat
     (information, gradient)
 }
 
+/// In eight sums side by side, which a processor adds at once.
 fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
+    let (a, a_rest) = a.as_chunks::<8>();
+    let (b, b_rest) = b.as_chunks::<8>();
+    let mut sums = [0.0; 8];
+    for (a, b) in a.iter().zip(b) {
+        (0..8).for_each(|k| sums[k] += a[k] * b[k]);
+    }
+    sums.iter().sum::<f64>() + a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum::<f64>()
 }
 
 /// x with A·x = b for an information matrix A, zero along directions that A does not determine.

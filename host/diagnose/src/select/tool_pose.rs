@@ -3,17 +3,15 @@
 use std::sync::Arc;
 
 use darm_core::effect::Effect;
-use darm_core::effect::step::Step;
 use darm_core::model::MAX_EFFECTS;
-use nalgebra::DVector;
 
 use super::change_point;
 use super::cross_validation::cross_validated;
 use super::problem::{CandidateName, Loss, Neighbours, Policy, RegressionProblem, Trial};
-use super::robust_fit::{Fit, fit, losses, moved};
+use super::robust_fit::{Fit, fit, losses};
 use super::significance::{CONFIRMATION_LEVEL, LossReduction, clustered_t_test};
 use crate::effect::Place;
-use crate::linearise::arm_candidates;
+use crate::linearise::arm_candidates::{self, beginning};
 use crate::linearise::sensitivity::Sensitivity;
 use crate::measurement::root_mean_square;
 use crate::prepare::observations::{NoPose, Observations, Value};
@@ -111,20 +109,18 @@ impl ToolPoses {
             return None;
         }
         let mut steps = current_steps.to_vec();
-        if let Effect::Step(step) = *effect {
-            let always = sensitivity.column(&from_the_start(step), 0)?;
-            steps.push(change_point::Step { value: fit.values.len() - 1, always, shift_m: 0.0 });
-        }
+        steps.extend(step(&fit, new, sensitivity));
         Some(self.judged(fit, Some(*effect), &steps))
     }
 
     /// A step at the moment that it explains most from, `None` where there is none; any other effect as it is.
     fn timed(&self, effect: &Effect<f64>, residuals: &[f64], sensitivity: &Sensitivity) -> Option<Effect<f64>> {
-        let Effect::Step(step) = *effect else { return Some(*effect) };
-        let always = sensitivity.column(&from_the_start(step), 0)?;
+        let Some(from_the_start) = beginning(effect, f64::NEG_INFINITY) else { return Some(*effect) };
+        let values = 0..effect.law().values().len();
+        let always: Vec<_> = values.filter_map(|value| sensitivity.column(&from_the_start, value)).collect();
         let counts = vec![1.0; self.training.rows.len()];
         let since_s = change_point::change_point(&self.training, &always, residuals, &counts)?;
-        Some(Step { since_s, ..step }.into())
+        beginning(effect, since_s)
     }
 
     /// The model with its steps at the moments that they explain most from, each beside all other effects; `None` where
@@ -136,9 +132,8 @@ impl ToolPoses {
         }
         let sensitivity = Sensitivity::new(&fit.model, &self.training, &mut ArmScratch::default())?;
         for (k, effect) in fit.model.effects.iter().enumerate() {
-            let Effect::Step(step) = *effect else { continue };
-            let Some(own) = fit.values.iter().position(|&(of, _)| of == k) else { continue };
-            let without = moved(&fit.columns[own..=own], &fit.residuals, &DVector::from_element(1, -step.shift_m));
+            let Some(step) = step(fit, k, &sensitivity) else { continue };
+            let without = step.taken_from(&fit.columns, &fit.residuals);
             model.effects[k] = self.timed(effect, &without, &sensitivity).unwrap_or(*effect);
         }
         Ok((model.effects != fit.model.effects).then_some(model))
@@ -191,22 +186,25 @@ impl ToolPoses {
 }
 
 fn has_step(model: &ArmModel) -> bool {
-    model.effects.iter().any(|effect| matches!(effect, Effect::Step(_)))
+    model.effects.iter().any(|effect| beginning(effect, 0.0).is_some())
 }
 
 /// The steps among the values of a fit, by the sensitivity of its model.
 fn steps(fit: &Fit, sensitivity: &Sensitivity) -> Vec<change_point::Step> {
-    let step = |(value, &(owner, _)): (usize, &Value)| {
-        let Effect::Step(step) = fit.model.effects[owner] else { return None };
-        let always = sensitivity.column(&from_the_start(step), 0)?;
-        Some(change_point::Step { value, always, shift_m: step.shift_m })
-    };
-    fit.values.iter().enumerate().filter_map(step).collect()
+    (0..fit.model.effects.len()).filter_map(|effect| step(fit, effect, sensitivity)).collect()
 }
 
-/// A step that is there from the start: one at any moment is a part of it.
-fn from_the_start(step: Step<f64>) -> Effect<f64> {
-    Step { since_s: f64::NEG_INFINITY, ..step }.into()
+/// An effect of a fit as a step; `None` of one that begins at no moment, or that changes nothing.
+fn step(fit: &Fit, effect: usize, sensitivity: &Sensitivity) -> Option<change_point::Step> {
+    let from_the_start = beginning(&fit.model.effects[effect], f64::NEG_INFINITY)?;
+    let own = fit.values.iter().enumerate().filter(|(_, (of, _))| *of == effect);
+    let mut step = change_point::Step { values: Vec::new(), always: Vec::new(), sizes: Vec::new() };
+    for (value, &(_, number)) in own {
+        step.values.push(value);
+        step.always.push(sensitivity.column(&from_the_start, number)?);
+        step.sizes.push(fit.model.effects[effect].law().values()[number]);
+    }
+    (!step.values.is_empty()).then_some(step)
 }
 
 /// A model of tool poses, whose neighbours are to be computed.

@@ -23,6 +23,11 @@ const TIMES_SCATTER: std::ops::Range<f64> = 8.0..32.0;
 const OUTLIERS: f64 = 0.02;
 /// By how much, in units of the camera's scatter.
 const OUTLIER_SCATTERS: std::ops::Range<f64> = 20.0..500.0;
+/// Share of the arms with a sag whose tool carries something else from time to time.
+const LOADED: f64 = 0.5;
+/// What it carries, kg, and for how many steps.
+const LOADS_KG: std::ops::Range<f64> = 0.0..2.0;
+const LOADED_STEPS: std::ops::Range<usize> = 10..40;
 /// Draws before a set of effects is held to be impossible.
 const DRAWS: usize = 16;
 
@@ -38,7 +43,7 @@ pub struct Blind {
 
 impl Blind {
     /// The kinds that a law is right for.
-    pub const INSIDE: [Kind; 14] = [
+    pub const INSIDE: [Kind; 18] = [
         Kind::StrokeLoss,
         Kind::AnchorOffset,
         Kind::GravitySag,
@@ -49,6 +54,10 @@ impl Blind {
         Kind::Drift,
         Kind::Wear,
         Kind::Crowding,
+        Kind::LengthOffset,
+        Kind::Interaction,
+        Kind::Creep,
+        Kind::BaseStep,
         Kind::BaseOffset,
         Kind::ToolOffset,
         Kind::Scale,
@@ -79,6 +88,8 @@ impl Blind {
         let (model, sealed) = (&arm.model, Sealed::nothing(seed));
         let surroundings = Surroundings::draw_wide(rng, model.nominal_supply, model.reference_temperature_k);
         let mut truth = Truth { body: Body::of(arm), surroundings, mechanisms: Vec::new(), sealed };
+        let is_loaded = kinds.contains(&Kind::GravitySag) && rng.random_bool(LOADED);
+        let steps = &if is_loaded { loaded(steps, rng) } else { steps.to_vec() };
         let followed = truth.followed(steps, 0.0);
         let moment = |state| {
             let crate::truth::TrueState { time_s, word, .. } = state;
@@ -138,13 +149,26 @@ impl Blind {
     }
 }
 
+/// The steps with something else at the tool every few of them.
+fn loaded(steps: &[Step], rng: &mut ChaCha8Rng) -> Vec<Step> {
+    let (mut load_kg, mut left) = (0.0, 0);
+    let carry = |step: &Step| {
+        if left == 0 {
+            (load_kg, left) = (rng.random_range(LOADS_KG), rng.random_range(LOADED_STEPS));
+        }
+        left -= 1;
+        Step { load_kg: Some(load_kg), ..step.clone() }
+    };
+    steps.iter().map(carry).collect()
+}
+
 /// Throws a share of the poses far off; which.
 fn spoil(run: &mut Run, arm: &Arm, share: f64, rng: &mut ChaCha8Rng) -> Vec<usize> {
     let scatter_m = scatter_m(arm);
     let spoiled: Vec<usize> = (0..run.samples.len()).filter(|_| rng.random_bool(share)).collect();
     for &sample in &spoiled {
         let size_m = scatter_m * rng.random_range(OUTLIER_SCATTERS);
-        let aside = crate::truth::mechanism::tilt(arm.model.chain.is_planar(), rng) * size_m;
+        let aside = crate::truth::displacement::tilt(arm.model.chain.is_planar(), rng) * size_m;
         let pose = &mut run.samples[sample].pose;
         *pose = *pose * Pose::exp(&aside);
     }

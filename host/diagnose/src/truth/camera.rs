@@ -64,6 +64,7 @@ impl Truth {
                 pose: observed.pose,
                 supply: Some(observed.supply),
                 temperature_c: Some(observed.temperature_c),
+                load_kg: step.load_kg,
                 run: 0,
                 visit: visit as u32,
                 held_out: step.held_out,
@@ -79,7 +80,7 @@ impl Truth {
         let follow = |step: &Step| {
             time_s += if step.repeat { STEP_S / 3.0 } else { STEP_S };
             let supply = self.surroundings.at(time_s, &step.word).supply_ratio;
-            history.follow(step, supply);
+            history.follow(step, supply, time_s);
             Followed { time_s, history: history.clone() }
         };
         steps.iter().map(follow).collect()
@@ -99,18 +100,22 @@ impl Followed {
             previous: Some(step.previous),
             servos_rad: &step.servos_rad,
             time_s: self.time_s,
+            load_kg: step.load_kg.unwrap_or(0.0),
             history: Some(&self.history),
         }
     }
 }
 
 impl History {
-    /// Adds a step under this supply, in shares of nominal.
-    fn follow(&mut self, step: &Step, supply: f64) {
+    /// Adds a step at this time under this supply, in shares of nominal.
+    fn follow(&mut self, step: &Step, supply: f64, time_s: f64) {
         self.blows.resize(step.word.len(), 0.0);
-        for (actuator, blows) in self.blows.iter_mut().enumerate() {
+        // Before it has switched an actuator counts from the first row, as in the diagnosis.
+        self.switched_s.resize(step.word.len(), time_s);
+        for actuator in 0..step.word.len() {
             if step.word.digit(actuator) != step.previous.digit(actuator) {
-                *blows += supply;
+                self.blows[actuator] += supply;
+                self.switched_s[actuator] = time_s;
             }
         }
         if step.word != step.previous {

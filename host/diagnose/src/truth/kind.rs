@@ -30,6 +30,14 @@ pub enum Kind {
     Wear,
     /// Legs that switch together do not get as far.
     Crowding,
+    /// A leg is longer in every state.
+    LengthOffset,
+    /// A leg is longer while another one is extended.
+    Interaction,
+    /// A leg that stays in its state continues to move for some seconds.
+    Creep,
+    /// The camera is knocked in the middle of the run.
+    BaseStep,
     /// The camera is elsewhere.
     BaseOffset,
     /// The tool sits elsewhere.
@@ -74,6 +82,10 @@ impl Kind {
             Self::Drift => "drift",
             Self::Wear => "wear",
             Self::Crowding => "crowding",
+            Self::LengthOffset => "length-offset",
+            Self::Interaction => "interaction",
+            Self::Creep => "creep",
+            Self::BaseStep => "base-step",
             Self::BaseOffset => "base-offset",
             Self::ToolOffset => "tool-offset",
             Self::Scale => "scale",

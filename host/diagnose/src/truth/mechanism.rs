@@ -12,6 +12,10 @@
 //! | drift | a leg creeps out of its clamp | Δl = s·(1 − e^(−t/τ)), τ longer than the run |
 //! | wear | blows pound a stop | Δl = ±w·Σ p/p₀ over the blows of the actuator |
 //! | crowding | legs that move together take each other's air | Δl = ∓s·n·p₀/p with n others of the module |
+//! | length offset | a rod end is screwed in too far | l = l₀ + s |
+//! | interaction | two legs share a bracket that bends | l = l₀ + s where both are long |
+//! | creep | a seal yields under its load | Δl = ±s·(1 − e^(−h/τ)), h since the leg was moved |
+//! | base step | somebody knocks the tripod of the camera | T = M·T₀ once t ≥ t₀ |
 //! | base offset | the camera was moved | T = M·T₀ |
 //! | tool offset | the tool was bent | T = T₀·B |
 //! | scale | a lens of another focal length | p = (1 + s)·p₀ |
@@ -38,6 +42,7 @@ use darm_core::real::Vec3;
 use darm_core::se::Twist;
 use rand::{Rng, RngExt};
 
+use super::displacement::{aside, tilt};
 use super::kind::Kind;
 use crate::effect::Place;
 use crate::outcome::Regressor;
@@ -47,6 +52,8 @@ use darm_arm::arm::MAX_STAGES;
 const KNOCKS_S: Range<f64> = 25.0..70.0;
 /// Times in which a creeping leg comes to 63 % of its way, longer than a run.
 const SLOWNESS_S: Range<f64> = 300.0..900.0;
+/// Times in which a seal has yielded by 63 % of its way.
+const YIELDS_S: Range<f64> = 1.0..6.0;
 /// Periods of a stand that sways.
 const SWAYS_S: Range<f64> = 15.0..60.0;
 
@@ -62,26 +69,86 @@ pub(crate) enum Part {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Mechanism {
     Nothing,
-    Chip { actuator: usize, state: u8, thickness_m: f64 },
-    Hole { actuator: usize, top: bool, aside: Vec3<f64> },
-    Springs { part: Part, compliance_m_per_n: f64 },
-    Pawl { part: Part, clearance_m: f64 },
-    Pad { part: Part, softness: f64 },
-    Metal { part: Part, expansion_per_k: f64 },
-    Knock { actuator: usize, at_s: f64, shift_m: f64 },
-    Creep { part: Part, slowness_s: f64, way_m: f64 },
-    Pounding { actuator: usize, per_blow_m: f64 },
-    Crowd { part: Part, short_m: f64 },
-    Frame { cause: Cause, aside: Twist<f64> },
-    Lens { stretch: f64 },
-    Horn { servo: usize, angle_rad: f64 },
-    Echo { actuator: usize, short_m: f64 },
+    Chip {
+        actuator: usize,
+        state: u8,
+        thickness_m: f64,
+    },
+    Hole {
+        actuator: usize,
+        top: bool,
+        aside: Vec3<f64>,
+    },
+    Springs {
+        part: Part,
+        compliance_m_per_n: f64,
+    },
+    Pawl {
+        part: Part,
+        clearance_m: f64,
+    },
+    Pad {
+        part: Part,
+        softness: f64,
+    },
+    Metal {
+        part: Part,
+        expansion_per_k: f64,
+    },
+    Knock {
+        actuator: usize,
+        at_s: f64,
+        shift_m: f64,
+    },
+    Creep {
+        part: Part,
+        slowness_s: f64,
+        way_m: f64,
+    },
+    Pounding {
+        actuator: usize,
+        per_blow_m: f64,
+    },
+    Crowd {
+        part: Part,
+        short_m: f64,
+    },
+    Rod {
+        actuator: usize,
+        longer_m: f64,
+    },
+    /// The first of these legs is changed by the second.
+    Bracket {
+        actuators: [usize; 2],
+        shift_m: f64,
+    },
+    Seal {
+        part: Part,
+        slowness_s: f64,
+        way_m: f64,
+    },
+    Frame {
+        cause: Cause,
+        aside: Twist<f64>,
+    },
+    Lens {
+        stretch: f64,
+    },
+    Horn {
+        servo: usize,
+        angle_rad: f64,
+    },
+    Echo {
+        actuator: usize,
+        short_m: f64,
+    },
 }
 
 /// What displaces the tool rigidly.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Cause {
     Camera,
+    Tripod { at_s: f64 },
     Tool,
     Sway { period_s: f64, phase: f64 },
     Bimetal,
@@ -117,13 +184,24 @@ impl Mechanism {
             Kind::Drift => Self::Creep { part: one_or_all, slowness_s: rng.random_range(SLOWNESS_S), way_m: 1.0 },
             Kind::Wear => Self::Pounding { actuator, per_blow_m: 1.0 },
             Kind::Crowding => Self::Crowd { part, short_m: 1.0 },
+            Kind::LengthOffset => Self::Rod { actuator, longer_m: 1.0 },
+            Kind::Interaction if chain.n_actuators() < 2 => return None,
+            Kind::Interaction => {
+                let other = (actuator + rng.random_range(1..chain.n_actuators())) % chain.n_actuators();
+                Self::Bracket { actuators: [actuator, other], shift_m: 1.0 }
+            }
+            Kind::Creep => Self::Seal { part: one_or_all, slowness_s: rng.random_range(YIELDS_S), way_m: 1.0 },
             Kind::Scale => Self::Lens { stretch: 1.0 },
             Kind::JointOffset if chain.n_servos() == 0 => return None,
             Kind::JointOffset => Self::Horn { servo: rng.random_range(0..chain.n_servos()), angle_rad: 1.0 },
             Kind::Echo => Self::Echo { actuator, short_m: 1.0 },
-            Kind::BaseOffset | Kind::ToolOffset | Kind::Sway | Kind::Bimetal | Kind::Hose | Kind::Cable => {
-                Self::Frame { cause: Cause::draw(kind, chain, rng)?, aside: tilt(chain.is_planar(), rng) }
-            }
+            Kind::BaseOffset
+            | Kind::BaseStep
+            | Kind::ToolOffset
+            | Kind::Sway
+            | Kind::Bimetal
+            | Kind::Hose
+            | Kind::Cable => Self::Frame { cause: Cause::draw(kind, chain, rng)?, aside: tilt(chain.is_planar(), rng) },
         })
     }
 
@@ -142,6 +220,9 @@ impl Mechanism {
             | Self::Creep { way_m: m, .. }
             | Self::Pounding { per_blow_m: m, .. }
             | Self::Crowd { short_m: m, .. }
+            | Self::Rod { longer_m: m, .. }
+            | Self::Bracket { shift_m: m, .. }
+            | Self::Seal { way_m: m, .. }
             | Self::Echo { short_m: m, .. } => *m *= size,
             Self::Frame { aside, .. } => *aside = *aside * size,
             Self::Lens { stretch } => *stretch *= size,
@@ -154,7 +235,7 @@ impl Mechanism {
     pub(crate) fn largest(&self) -> f64 {
         match self {
             Self::Nothing => 0.0,
-            Self::Chip { .. } | Self::Hole { .. } => 0.03,
+            Self::Chip { .. } | Self::Hole { .. } | Self::Rod { .. } | Self::Bracket { .. } | Self::Seal { .. } => 0.03,
             Self::Springs { .. } => 1e-3,
             Self::Pawl { .. } => 0.02,
             Self::Pad { .. } => 2.0,
@@ -180,12 +261,16 @@ impl Mechanism {
             | Self::Pawl { part, .. }
             | Self::Pad { part, .. }
             | Self::Creep { part, .. }
+            | Self::Seal { part, .. }
             | Self::Crowd { part, .. }
             | Self::Metal { part, .. } => all(part.of_arm()),
-            Self::Knock { actuator, .. } | Self::Pounding { actuator, .. } => {
+            Self::Bracket { actuators: [of, other], .. } => {
+                Some(Place::Arm(effect::Place::Actuator(of as u8), Detail::With(other as u8)))
+            }
+            Self::Knock { actuator, .. } | Self::Pounding { actuator, .. } | Self::Rod { actuator, .. } => {
                 all(effect::Place::Actuator(actuator as u8))
             }
-            Self::Frame { cause: Cause::Camera, .. } => all(effect::Place::Base),
+            Self::Frame { cause: Cause::Camera | Cause::Tripod { .. }, .. } => all(effect::Place::Base),
             Self::Frame { cause: Cause::Tool, .. } => all(effect::Place::Tool),
             Self::Lens { .. } => all(effect::Place::Camera),
             Self::Horn { servo, .. } => all(effect::Place::Servo(servo as u8)),
@@ -217,10 +302,14 @@ impl Mechanism {
             | Self::Pawl { part, .. }
             | Self::Pad { part, .. }
             | Self::Creep { part, .. }
+            | Self::Seal { part, .. }
             | Self::Crowd { part, .. }
             | Self::Metal { part, .. } => part.to_string(),
-            Self::Knock { actuator, .. } | Self::Pounding { actuator, .. } => format!("actuator {actuator}"),
-            Self::Frame { cause: Cause::Camera, .. } => "base".into(),
+            Self::Bracket { actuators: [of, other], .. } => format!("actuator {of}, with actuator {other}"),
+            Self::Knock { actuator, .. } | Self::Pounding { actuator, .. } | Self::Rod { actuator, .. } => {
+                format!("actuator {actuator}")
+            }
+            Self::Frame { cause: Cause::Camera | Cause::Tripod { .. }, .. } => "base".into(),
             Self::Frame { cause: Cause::Tool, .. } => "tool".into(),
             Self::Frame { cause: Cause::Sway { .. }, .. } => "time".into(),
             Self::Frame { cause: Cause::Bimetal, .. } => "temperature".into(),
@@ -238,6 +327,7 @@ impl Cause {
     fn draw(kind: Kind, chain: &Chain<f64, MAX_STAGES>, rng: &mut impl Rng) -> Option<Self> {
         Some(match kind {
             Kind::BaseOffset => Self::Camera,
+            Kind::BaseStep => Self::Tripod { at_s: rng.random_range(KNOCKS_S) },
             Kind::ToolOffset => Self::Tool,
             Kind::Sway => Self::Sway { period_s: rng.random_range(SWAYS_S), phase: rng.random_range(0.0..TAU) },
             Kind::Bimetal => Self::Bimetal,
@@ -291,26 +381,4 @@ impl fmt::Display for Part {
             Self::Arm => f.write_str("arm"),
         }
     }
-}
-
-/// A direction drawn, of length one.
-fn aside(planar: bool, rng: &mut impl Rng) -> Vec3<f64> {
-    loop {
-        let mut v = Vec3::from_fn(|_, _| rng.random_range(-1.0..1.0));
-        if planar {
-            v.z = 0.0;
-        }
-        let length: f64 = v.norm();
-        if (0.1..1.0).contains(&length) {
-            return v / length;
-        }
-    }
-}
-
-/// A shift and a turn of an arm's length, drawn: a unit is 1 m and 1 rad.
-pub(crate) fn tilt(planar: bool, rng: &mut impl Rng) -> Twist<f64> {
-    let linear = aside(planar, rng);
-    let turn = rng.random_range(-1.0..1.0);
-    let angular = if planar { Vec3::new(0.0, 0.0, turn) } else { aside(false, rng) * turn };
-    Twist { angular, linear }
 }

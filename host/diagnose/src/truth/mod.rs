@@ -6,6 +6,7 @@
 
 mod blind;
 mod camera;
+mod displacement;
 mod kind;
 mod mechanism;
 mod surroundings;
@@ -52,6 +53,8 @@ pub struct TrueState<'a> {
     pub servos_rad: &'a [f64],
     /// Time since the arm was switched on.
     pub time_s: f64,
+    /// What the tool carries in addition to its payload.
+    pub load_kg: f64,
     /// What happened to the arm before; nothing where it is not followed.
     pub history: Option<&'a History>,
 }
@@ -61,6 +64,8 @@ pub struct TrueState<'a> {
 pub struct History {
     /// Blows of each actuator on its stops, each in shares of one at nominal supply.
     blows: Vec<f64>,
+    /// When each actuator had switched last.
+    switched_s: Vec<f64>,
     /// The word before the word before.
     second_last: Option<Word>,
     /// The word before.
@@ -148,6 +153,13 @@ pub enum TruthError {
     },
 }
 
+impl<'a> TrueState<'a> {
+    /// A word alone: no word before, nothing carried, no history.
+    pub fn of_word(word: Word, servos_rad: &'a [f64], time_s: f64) -> Self {
+        Self { word, previous: None, servos_rad, time_s, load_kg: 0.0, history: None }
+    }
+}
+
 impl Truth {
     /// A true arm of `arm`'s geometry with an effect drawn by `seed`: of this `kind`, or of any.
     ///
@@ -211,8 +223,7 @@ impl Truth {
     /// A desired frame in settled surroundings.
     fn settled<'a>(&self, frame: &'a DesiredFrame) -> Occasion<'a> {
         let (word, servos_rad) = (frame.word, &frame.servos_rad[..]);
-        let state =
-            TrueState { word, previous: Some(frame.previous), servos_rad, time_s: f64::INFINITY, history: None };
+        let state = TrueState { previous: Some(frame.previous), ..TrueState::of_word(word, servos_rad, f64::INFINITY) };
         Occasion { state, moment: self.surroundings.settled(&word) }
     }
 
@@ -262,7 +273,7 @@ impl Truth {
             let mut digit = |k| rng.random_range(0..chain.n_states(k).max(1) as u8);
             let digits: Vec<u8> = (0..chain.n_actuators()).map(&mut digit).collect();
             let word = Word::new(&digits).expect("one digit for each actuator of a chain");
-            let state = TrueState { word, previous: None, servos_rad: &servos_rad, time_s: 0.0, history: None };
+            let state = TrueState::of_word(word, &servos_rad, 0.0);
             let moment = self.surroundings.settled(&word);
             chain.pose_base_tool(&word, &servos_rad, &mut scratch).is_err()
                 || true_pose::pose(&self.mechanisms, &self.body, &state, moment, &mut scratch).is_ok()
@@ -324,11 +335,12 @@ impl Body {
         }
     }
 
-    /// The potential energy of all weights in the posture of `scratch`, J.
-    fn potential_j(&self, scratch: &ArmScratch) -> f64 {
+    /// The potential energy of all weights in the posture of `scratch`, with what the tool carries in addition, J.
+    fn potential_j(&self, load_kg: f64, scratch: &ArmScratch) -> f64 {
         let height = |mass: &Mass<f64>, frame: &Pose<f64>| -mass.mass_kg * self.gravity.dot(&(*frame * mass.center));
         let plates = self.chain.stages.iter().zip(&self.masses).zip(&scratch.tops);
-        plates.map(|((_, mass), top)| height(mass, top)).sum::<f64>() + height(&self.payload, &scratch.pose_base_tool)
+        let carried = Mass { mass_kg: self.payload.mass_kg + load_kg, ..self.payload };
+        plates.map(|((_, mass), top)| height(mass, top)).sum::<f64>() + height(&carried, &scratch.pose_base_tool)
     }
 }
 

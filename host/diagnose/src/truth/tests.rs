@@ -44,7 +44,7 @@ fn without_an_effect_it_is_the_nominal_arm() {
     let arm = arm();
     let truth = Truth::draw(&arm, &frames(&arm), 3, Some(Kind::Nothing)).unwrap();
     for frame in frames(&arm) {
-        let state = TrueState { word: frame.word, previous: None, servos_rad: &[], time_s: 12.0, history: None };
+        let state = TrueState::of_word(frame.word, &[], 12.0);
         assert_eq!(truth.pose(&state), Ok(frame.pose_base_tool));
     }
 }
@@ -65,13 +65,7 @@ fn springs_take_up_what_the_weights_give() {
     body.chain.configure(&"010110011101".parse().unwrap(), &[], &mut scratch).unwrap();
     let unloaded = scratch.clone();
     let springs = Mechanism::Springs { part: mechanism::Part::Arm, compliance_m_per_n: compliance };
-    let state = TrueState {
-        word: "010110011101".parse().unwrap(),
-        previous: None,
-        servos_rad: &[],
-        time_s: 0.0,
-        history: None,
-    };
+    let state = TrueState::of_word("010110011101".parse().unwrap(), &[], 0.0);
     let surroundings = Surroundings::draw(&mut ChaCha8Rng::seed_from_u64(1), 6.0, 293.15);
     true_pose::pose(&[springs], &body, &state, surroundings.settled(&state.word), &mut scratch).unwrap();
     let energy = |scratch: &ArmScratch| {
@@ -79,7 +73,7 @@ fn springs_take_up_what_the_weights_give() {
         let squares = stages.flat_map(|s| (0..3).map(move |leg| (s, leg))).map(|(s, leg)| {
             (scratch.settings[s][leg].value - unloaded.settings[s][leg].value).powi(2) / (2.0 * compliance)
         });
-        squares.sum::<f64>() + body.potential_j(scratch)
+        squares.sum::<f64>() + body.potential_j(0.0, scratch)
     };
     let least = energy(&scratch);
     for (stage, leg) in [(0, 0), (0, 1), (1, 2), (3, 1)] {
@@ -101,7 +95,7 @@ fn new_settings_keep_the_effect() {
     turned.model.chain.set(stop, 1.42).unwrap();
     let moved = truth.with_geometry(&turned);
     assert_eq!(moved.unseal(), truth.unseal());
-    let state = TrueState { word: arm.rest(), previous: None, servos_rad: &[], time_s: 5.0, history: None };
+    let state = TrueState::of_word(arm.rest(), &[], 5.0);
     let apart = |truth: &Truth, arm: &Arm| {
         let nominal = arm.model.chain.pose_base_tool(&arm.rest(), &[], &mut ArmScratch::default()).unwrap();
         truth.pose(&state).unwrap().distance(&nominal, 0.5)

@@ -28,6 +28,12 @@ struct Leg {
     stroke: f64,
 }
 
+/// An arm with what its tool carries.
+struct Loaded<'a> {
+    body: &'a Body,
+    load_kg: f64,
+}
+
 /// The true pose of the tool.
 pub(crate) fn pose(
     mechanisms: &[Mechanism],
@@ -62,11 +68,17 @@ pub(crate) fn pose(
                 .filter(|&(actuator, stage, _)| part.holds(actuator, stage))
                 .map(|(_, stage, leg)| (stage, leg))
                 .collect();
-            at_rest(body, &legs, compliance_m_per_n, scratch)?
+            at_rest(&Loaded { body, load_kg: state.load_kg }, &legs, compliance_m_per_n, scratch)?
         }
         None => body.chain.assemble(scratch)?,
     };
     Ok(mechanisms.iter().fold(pose, |pose, mechanism| mechanism.put_aside(pose, state, moment)))
+}
+
+/// Time since an actuator has switched.
+fn dwell_s(state: &TrueState, actuator: usize) -> f64 {
+    let switched_s = state.history.and_then(|history| history.switched_s.get(actuator));
+    switched_s.map_or(0.0, |switched_s| state.time_s - switched_s)
 }
 
 /// Whether an actuator came to its word by a separate movement.
@@ -114,6 +126,15 @@ impl Mechanism {
                 let blows = state.history.and_then(|history| history.blows.get(actuator)).copied();
                 setting.value -= back * per_blow_m * blows.unwrap_or_default();
             }
+            Self::Rod { actuator: of, longer_m } if of == actuator => setting.value += longer_m,
+            Self::Bracket { actuators: [of, other], shift_m }
+                if of == actuator && digit > 0 && state.word.digit(other) > 0 =>
+            {
+                setting.value += shift_m;
+            }
+            Self::Seal { part, slowness_s, way_m } if part.holds(actuator, stage) => {
+                setting.value -= back * way_m * (1.0 - (-dwell_s(state, actuator) / slowness_s).exp());
+            }
             Self::Crowd { part, short_m } if part.holds(actuator, stage) && moved(state, actuator) => {
                 setting.value += back * short_m * others as f64 / moment.supply_ratio;
             }
@@ -135,6 +156,8 @@ impl Mechanism {
                 let moved = |share: f64| Pose::exp(&(aside * share));
                 match cause {
                     Cause::Camera => moved(1.0) * pose,
+                    Cause::Tripod { at_s } if state.time_s >= at_s => moved(1.0) * pose,
+                    Cause::Tripod { .. } => pose,
                     Cause::Tool => pose * moved(1.0),
                     Cause::Sway { period_s, phase } => moved((TAU * state.time_s / period_s + phase).sin()) * pose,
                     Cause::Bimetal => pose * moved((moment.rise_k / 10.0).powi(2)),
@@ -160,14 +183,14 @@ fn sliding(chain: &Chain<f64, MAX_STAGES>) -> impl Iterator<Item = (usize, usize
 /// The posture of least energy when these legs are springs: each is shortened by what the weights press on it with, in
 /// that very posture.
 fn at_rest(
-    body: &Body,
+    arm: &Loaded,
     legs: &[(usize, usize)],
     compliance_m_per_n: f64,
     scratch: &mut ArmScratch,
 ) -> Result<Pose<f64>, ChainError> {
     let unloaded: Vec<f64> = legs.iter().map(|&(stage, leg)| scratch.settings[stage][leg].value).collect();
     for _ in 0..60 {
-        let forces = legs.iter().map(|&leg| force_n(body, leg, scratch)).collect::<Result<Vec<f64>, _>>()?;
+        let forces = legs.iter().map(|&leg| force_n(arm, leg, scratch)).collect::<Result<Vec<f64>, _>>()?;
         let mut moved_m: f64 = 0.0;
         for ((&(stage, leg), force), unloaded) in legs.iter().zip(forces).zip(&unloaded) {
             let value = &mut scratch.settings[stage][leg].value;
@@ -179,15 +202,15 @@ fn at_rest(
             break;
         }
     }
-    body.chain.assemble(scratch)
+    arm.body.chain.assemble(scratch)
 }
 
 /// ∂V/∂l of one leg, N: what it presses with.
-fn force_n(body: &Body, (stage, leg): (usize, usize), scratch: &mut ArmScratch) -> Result<f64, ChainError> {
+fn force_n(arm: &Loaded, (stage, leg): (usize, usize), scratch: &mut ArmScratch) -> Result<f64, ChainError> {
     let value = scratch.settings[stage][leg].value;
     let mut energy = |length: f64| {
         scratch.settings[stage][leg].value = length;
-        body.chain.assemble(scratch).map(|_| body.potential_j(scratch))
+        arm.body.chain.assemble(scratch).map(|_| arm.body.potential_j(arm.load_kg, scratch))
     };
     let (longer, shorter) = (energy(value + VIRTUAL_M), energy(value - VIRTUAL_M));
     scratch.settings[stage][leg].value = value;

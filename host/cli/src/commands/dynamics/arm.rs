@@ -42,7 +42,7 @@ impl Load {
 pub(super) fn of_arm(arm: &Arm, posture: &Posture, subject: &Subject) -> anyhow::Result<ArmReport> {
     let (model, mut scratch) = (&arm.model, ArmScratch::default());
     model.predict(&arm.working_condition(posture.word, &posture.q), &mut scratch)?;
-    let loads = model.loads(&scratch);
+    let loads = model.loads(&scratch, 0.0);
     let discrete = subject.columns().into_iter().skip(arm.n_servos());
     let actuators = discrete.zip(model.chain.actuators()).map(|(actuator, (stage, leg))| ActuatorLoad {
         load: match actuator.kind {

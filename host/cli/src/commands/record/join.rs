@@ -39,6 +39,7 @@ fn sample(rest: &Rest, visit: usize, seen: &[Picture]) -> Sample {
         pose: mean_pose(seen),
         supply: mean(seen.iter().filter_map(|picture| picture.supply_bar)).map(|bar| BAR * bar),
         temperature_c: mean(seen.iter().filter_map(|picture| picture.temperature_c)),
+        load_kg: None,
         run: 0,
         visit: visit as u32,
         held_out: rest.held_out,

@@ -99,6 +99,7 @@ impl SimulatedCamera {
             previous: Some(frame.state.previous),
             servos_rad: &servos_rad,
             time_s: (frame.at_s - self.started_s).max(0.0),
+            load_kg: 0.0,
             history: None,
         };
         let seen = self.truth.observe(&state, &mut self.rng).ok()?;

@@ -32,6 +32,7 @@ fn run(arm: &Arm, rng: &mut ChaCha8Rng) -> Run {
             pose: camera * pose * Pose::exp(&off),
             supply: None,
             temperature_c: None,
+            load_kg: None,
             run: 0,
             visit: visit as u32,
             held_out: false,
