@@ -68,11 +68,13 @@ impl<'a> Sensitivity<'a> {
 
     /// The derivative of all residuals with respect to one value of an effect; `None` where it changes nothing.
     pub fn column(&self, effect: &Effect<f64>, value: usize) -> Option<Vec<f64>> {
-        let mut stepped = *effect;
-        *stepped.law_mut().values_mut().get_mut(value)? += STEP;
+        // To both sides: a turn out of the plane of a planar arm changes its pose by the square of the turn only.
+        let [mut less, mut more] = [*effect; 2];
+        *less.law_mut().values_mut().get_mut(value)? -= 0.5 * STEP;
+        *more.law_mut().values_mut().get_mut(value)? += 0.5 * STEP;
         let mut column = Vec::with_capacity(self.postures.len() * self.observations.n_axes());
         for posture in &self.postures {
-            let twist = self.change(posture, effect, &stepped).to_vector();
+            let twist = self.change(posture, &less, &more).to_vector();
             let noise = |axis: usize| self.observations.sigma[axis] * STEP;
             column.extend(self.observations.axes.iter().map(|&axis| twist[axis] / noise(axis)));
         }
