@@ -90,8 +90,15 @@ fn busy(error: rustix::io::Errno) -> io::Error {
     }
 }
 
-/// The names of the serial ports of this machine, boards first.
+/// Where Linux lists them.
+const TERMINALS: &str = "/sys/class/tty";
+
+/// The names of the serial ports of this machine, boards first. There are none where `/sys` is not mounted, as in a chroot;
+/// `serialport` panics there.
 pub fn ports() -> Vec<String> {
+    if cfg!(target_os = "linux") && !std::path::Path::new(TERMINALS).is_dir() {
+        return Vec::new();
+    }
     let mut ports: Vec<String> =
         serialport::available_ports().unwrap_or_default().into_iter().map(|p| p.port_name).collect();
     ports.sort_by_key(|name| !(name.contains("ACM") || name.contains("USB")));
