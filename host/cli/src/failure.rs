@@ -21,6 +21,7 @@ use darm_device::client::stop::Confirmation;
 use darm_device::link::LinkError;
 use serde_json::json;
 
+use crate::console::NoAnswer;
 use crate::interrupted::Interrupted;
 use crate::port::PortError;
 
@@ -48,6 +49,11 @@ pub(crate) struct Usage(pub(crate) String);
 #[derive(Debug, thiserror::Error)]
 #[error("the board is in its safe state: {0}; remove the cause, then run `darm stop --clear`")]
 pub(crate) struct SafeState(pub(crate) String);
+
+/// Number of lines of a script that the board refused.
+#[derive(Debug, thiserror::Error)]
+#[error("the board refused {0} of the lines; see the answers that begin with `?`")]
+pub(crate) struct Refused(pub(crate) usize);
 
 /// Some checks of `darm doctor` failed; the number of them.
 #[derive(Debug, thiserror::Error)]
@@ -146,9 +152,9 @@ fn code_of_cause(cause: &(dyn Error + 'static)) -> Option<u8> {
         Some(UNFINISHED)
     } else if cause.is::<Usage>() {
         Some(USAGE)
-    } else if cause.is::<SafeState>() {
+    } else if cause.is::<SafeState>() || cause.is::<Refused>() {
         Some(REFUSED)
-    } else if cause.is::<LinkError>() || cause.is::<PortError>() {
+    } else if cause.is::<LinkError>() || cause.is::<PortError>() || cause.is::<NoAnswer>() {
         Some(NO_CONNECTION)
     } else {
         None
@@ -183,6 +189,7 @@ mod tests {
         let lost: anyhow::Error = LinkError::Name { port: "x".into() }.into();
         assert_eq!(code(&lost.context("uploading")), 4);
         assert_eq!(code(&Usage("no".into()).into()), 2);
+        assert_eq!((code(&super::Refused(2).into()), code(&super::NoAnswer.into())), (3, 4));
         assert_eq!(code(&anyhow::anyhow!("else")), 1);
     }
 

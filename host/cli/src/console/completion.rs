@@ -1,4 +1,4 @@
-//! Completion and hints of the console, and the commands that the console itself runs.
+//! Completion and hints of the console, and the lines that the console itself runs.
 
 use rustyline::completion::{Completer, FilenameCompleter, Pair};
 use rustyline::error::ReadlineError;
@@ -7,26 +7,8 @@ use rustyline::hint::Hinter;
 use rustyline::validate::Validator;
 use rustyline::{Context, Helper};
 
-/// Commands of the board with their arguments.
-pub(crate) const BOARD_COMMANDS: &[(&str, &str)] = &[
-    ("clear", ""),
-    ("coil", "N on MS"),
-    ("fault", ""),
-    ("help", ""),
-    ("id", ""),
-    ("limits", ""),
-    ("log", ""),
-    ("play", ""),
-    ("reboot", ""),
-    ("servo", "N DEG"),
-    ("status", ""),
-    ("stop", ""),
-    ("table", ""),
-    ("word", "DIGITS"),
-];
-
-/// Commands of the console itself.
-pub(crate) const LOCAL_COMMANDS: &[(&str, &str)] = &[("quit", ""), ("upload", "TABLE.darm")];
+use super::board_state::Shared;
+use super::commands::{COMMANDS, find};
 
 /// A line that the console runs itself.
 #[derive(Debug, PartialEq, Eq)]
@@ -37,6 +19,8 @@ pub(crate) enum LocalCommand<'a> {
     Upload(&'a str),
     /// `upload` without a file.
     UploadWithoutFile,
+    /// Explain this command.
+    Help(&'a str),
 }
 
 /// Parses a command of the console; `None` for a line for the board.
@@ -46,6 +30,7 @@ pub(crate) fn local(line: &str) -> Option<LocalCommand<'_>> {
         ("quit" | "exit", "") => Some(LocalCommand::Quit),
         ("upload", "") => Some(LocalCommand::UploadWithoutFile),
         ("upload", file) => Some(LocalCommand::Upload(file)),
+        ("help", command) if !command.is_empty() => Some(LocalCommand::Help(command)),
         _ => None,
     }
 }
@@ -54,10 +39,35 @@ pub(crate) fn local(line: &str) -> Option<LocalCommand<'_>> {
 #[derive(Default)]
 pub(crate) struct CommandHelper {
     files: FilenameCompleter,
+    board: Shared,
 }
 
-fn all() -> impl Iterator<Item = &'static (&'static str, &'static str)> {
-    BOARD_COMMANDS.iter().chain(LOCAL_COMMANDS)
+impl CommandHelper {
+    /// Completes with the values of this board.
+    pub(crate) fn new(board: Shared) -> Self {
+        Self { files: FilenameCompleter::default(), board }
+    }
+
+    /// What may follow these words of a line.
+    fn candidates(&self, words: &[&str]) -> Vec<String> {
+        match words {
+            [] | ["help"] => COMMANDS.iter().map(|command| command.name.to_owned()).collect(),
+            ["reboot"] => vec!["loader".to_owned()],
+            _ => self.board.get().map_or_else(Vec::new, |board| board.values(words)),
+        }
+    }
+}
+
+/// A candidate, with a space behind it where more words follow.
+fn pair(words: &[&str], value: String) -> Pair {
+    let has_more = match words {
+        [] => find(&value).is_some_and(|command| !command.arguments.is_empty() && command.name != "reboot"),
+        ["coil"] | ["servo"] => true,
+        ["coil", _] => value == "on",
+        _ => false,
+    };
+    let replacement = if has_more { format!("{value} ") } else { value.clone() };
+    Pair { display: value, replacement }
 }
 
 impl Completer for CommandHelper {
@@ -66,14 +76,15 @@ impl Completer for CommandHelper {
     fn complete(&self, line: &str, at: usize, context: &Context<'_>) -> Result<(usize, Vec<Pair>), ReadlineError> {
         let typed = line.get(..at).unwrap_or_default();
         if typed.starts_with("upload ") {
-            return self.files.complete(line, at, context);
+            let (start, files) = self.files.complete(line, at, context)?;
+            let is_table = |file: &Pair| file.replacement.ends_with(".darm") || file.replacement.ends_with('/');
+            return Ok((start, files.into_iter().filter(is_table).collect()));
         }
-        let fitting = all().filter(|(word, _)| word.starts_with(typed));
-        let pair = |&(word, arguments): &(&str, &str)| Pair {
-            display: word.to_owned(),
-            replacement: if arguments.is_empty() { word.to_owned() } else { format!("{word} ") },
-        };
-        Ok((0, fitting.map(pair).collect()))
+        let start = typed.rfind(' ').map_or(0, |space| space + 1);
+        let (before, begun) = typed.split_at(start);
+        let words: Vec<&str> = before.split_whitespace().collect();
+        let fitting = self.candidates(&words).into_iter().filter(|value| value.starts_with(begun));
+        Ok((start, fitting.map(|value| pair(&words, value)).collect()))
     }
 }
 
@@ -83,9 +94,9 @@ impl Hinter for CommandHelper {
     /// The arguments that follow a complete command.
     fn hint(&self, line: &str, at: usize, _: &Context<'_>) -> Option<String> {
         let word = line.strip_suffix(' ').unwrap_or(line);
-        let (_, arguments) = all().find(|(known, arguments)| *known == word && !arguments.is_empty())?;
+        let command = find(word).filter(|command| !command.arguments.is_empty())?;
         let gap = if line.ends_with(' ') { "" } else { " " };
-        (at == line.len()).then(|| format!("{gap}{arguments}"))
+        (at == line.len()).then(|| format!("{gap}{}", command.arguments))
     }
 }
 
@@ -104,11 +115,14 @@ mod tests {
     use rustyline::hint::Hinter as _;
     use rustyline::history::DefaultHistory;
 
+    use super::super::board_state::{Shared, tests::idle};
     use super::{CommandHelper, LocalCommand, local};
 
     fn completions(line: &str) -> Vec<String> {
         let history = DefaultHistory::new();
-        let (_, pairs) = CommandHelper::default().complete(line, line.len(), &Context::new(&history)).unwrap();
+        let board = Shared::default();
+        board.set(Some(idle()));
+        let (_, pairs) = CommandHelper::new(board).complete(line, line.len(), &Context::new(&history)).unwrap();
         pairs.into_iter().map(|pair| pair.replacement).collect()
     }
 
@@ -116,14 +130,25 @@ mod tests {
     fn commands_are_completed_ready_for_their_arguments() {
         assert_eq!(completions("st"), ["status", "stop"]);
         assert_eq!(completions("co"), ["coil "]);
+        assert_eq!(completions("re"), ["reboot"]);
         assert_eq!(completions("dance"), [""; 0]);
+    }
+
+    #[test]
+    fn values_are_completed_word_by_word() {
+        assert_eq!(completions("coil "), ["0 ", "1 ", "4 "]);
+        assert_eq!(completions("coil 1 o"), ["off", "on "]);
+        assert_eq!(completions("coil 1 on "), ["120"]);
+        assert_eq!(completions("word 1"), ["1111"]);
+        assert_eq!(completions("help st"), ["status", "stop"]);
+        assert_eq!(completions("status "), [""; 0]);
     }
 
     #[test]
     fn a_hint_shows_the_arguments() {
         let history = DefaultHistory::new();
         let hint = |line: &str| CommandHelper::default().hint(line, line.len(), &Context::new(&history));
-        assert_eq!(hint("coil").as_deref(), Some(" N on MS"));
+        assert_eq!(hint("coil").as_deref(), Some(" N on MS | N off"));
         assert_eq!(hint("servo ").as_deref(), Some("N DEG"));
         assert_eq!(hint("status"), None);
     }
@@ -133,6 +158,8 @@ mod tests {
         assert_eq!(local("quit"), Some(LocalCommand::Quit));
         assert_eq!(local("upload a b.darm"), Some(LocalCommand::Upload("a b.darm")));
         assert_eq!(local("upload"), Some(LocalCommand::UploadWithoutFile));
+        assert_eq!(local("help coil"), Some(LocalCommand::Help("coil")));
+        assert_eq!(local("help"), None);
         assert_eq!(local("status"), None);
     }
 }

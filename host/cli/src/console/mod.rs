@@ -1,5 +1,7 @@
-//! The console: sends typed lines to the board, with line editing, history and completion.
+//! The console: sends typed lines to the board, with a status line, line editing, history, completion and help.
 
+mod board_state;
+mod commands;
 mod completion;
 mod pump;
 
@@ -10,18 +12,21 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
+use darm_core::sequencer::Phase;
 use darm_device::client::Client;
 use darm_device::client::stop::{Confirmation, STOP_BOUND, StopHandle};
-use darm_device::link::Link;
+use darm_device::link::{Link, LinkError};
 use rustyline::error::ReadlineError;
 use rustyline::history::DefaultHistory;
 use rustyline::{Config, Editor, ExternalPrinter as _};
 
+use crate::failure::{Refused, Usage};
 use crate::ui::Ui;
 use crate::{failure, interrupt, port, state_folder};
+use board_state::Shared;
 use completion::{CommandHelper, LocalCommand};
 use darm_arm::table_file::TableFile;
-use pump::{Pump, Show};
+use pump::{Port, Pump, Show};
 
 /// Longest wait for a lost port.
 const REOPEN_TIMEOUT: Duration = Duration::from_secs(10);
@@ -39,10 +44,18 @@ pub(crate) fn run(port: &str, ui: Ui) -> anyhow::Result<()> {
 struct Session<'a> {
     port: &'a str,
     ui: Ui,
+    /// Whether the board is asked for its state.
+    asks: bool,
     pump: Pump,
     /// Stops the board while a command waits for an answer.
     interrupt: interrupt::InterruptHandler,
     handle: StopHandle,
+    /// What the board reported last; nothing in a script.
+    board: Shared,
+    /// Lines that the board has refused.
+    refused: Arc<AtomicUsize>,
+    /// The first line that failed otherwise; it decides the exit code of a script.
+    failed: Option<anyhow::Error>,
 }
 
 /// Whether to continue.
@@ -53,9 +66,10 @@ enum Next {
 }
 
 fn interactive(port: &str, ui: Ui) -> anyhow::Result<()> {
+    let board = Shared::default();
     let config = Config::builder().max_history_size(HISTORY)?.auto_add_history(true).build();
     let mut editor: Editor<CommandHelper, DefaultHistory> = Editor::with_config(config)?;
-    editor.set_helper(Some(CommandHelper::default()));
+    editor.set_helper(Some(CommandHelper::new(board.clone())));
     let history = history_file();
     if let Some(file) = &history {
         // The file does not exist before the first use.
@@ -64,11 +78,12 @@ fn interactive(port: &str, ui: Ui) -> anyhow::Result<()> {
     let mut printer = editor.create_external_printer()?;
     // A closed terminal is no error.
     let show: Show = Box::new(move |line| drop(printer.print(format!("{line}\n"))));
-    let mut session = Session::start(port, ui, show)?;
-    println!("{port}; `help` lists the commands of the board; this console adds `upload FILE` and `quit`");
+    let mut session = Session::start(port, ui, show, Some(board.clone()))?;
+    println!("{port}; `help` lists the commands, `help COMMAND` explains one, Tab completes, `quit` leaves");
     session.pump.ask("id");
     loop {
-        match editor.readline("> ") {
+        session.pump.look();
+        match editor.readline(&board.get().map_or("> ".to_owned(), |board| board.prompt())) {
             Ok(line) if session.execute_line(line.trim())? == Next::On => {}
             Ok(_) | Err(ReadlineError::Eof) => break,
             Err(ReadlineError::Interrupted) => println!("{}; `quit` or Ctrl-D leaves", session.stop()),
@@ -81,33 +96,22 @@ fn interactive(port: &str, ui: Ui) -> anyhow::Result<()> {
     session.pump.stop().map_err(Into::into)
 }
 
-/// Without a terminal: sends each line after the answer to the previous one.
+/// Without a terminal: sends each line after the answer to the previous one. The first line that fails otherwise than by a
+/// refusal decides the exit code, else refusals do; the lines behind it are sent all the same.
 fn scripted(port: &str, ui: Ui) -> anyhow::Result<()> {
-    let refused = Arc::new(AtomicUsize::new(0));
-    let count = refused.clone();
-    let show: Show = Box::new(move |line| {
-        if line.starts_with(REFUSED) {
-            count.fetch_add(1, Ordering::Relaxed);
-        }
-        print_line(line, ui);
-    });
-    let mut session = Session::start(port, ui, show)?;
+    let mut session = Session::start(port, ui, Box::new(move |line| print_line(line, ui)), None)?;
     for line in std::io::stdin().lock().lines() {
         if session.execute_line(line.context("reading the standard input")?.trim())? == Next::Leave {
             break;
         }
     }
     session.pump.stop()?;
-    match refused.load(Ordering::Relaxed) {
-        0 => Ok(()),
-        lines => Err(Refused(lines).into()),
+    match (session.failed, session.refused.load(Ordering::Relaxed)) {
+        (Some(error), _) => Err(error),
+        (None, 0) => Ok(()),
+        (None, lines) => Err(Refused(lines).into()),
     }
 }
-
-/// Number of lines that the board refused.
-#[derive(Debug, thiserror::Error)]
-#[error("the board refused {0} of the lines; see the answers that begin with `?`")]
-struct Refused(usize);
 
 /// Prints a line of the board on standard output.
 fn print_line(line: &str, ui: Ui) {
@@ -117,19 +121,33 @@ fn print_line(line: &str, ui: Ui) {
 }
 
 impl<'a> Session<'a> {
-    fn start(port: &'a str, ui: Ui, show: Show) -> anyhow::Result<Self> {
-        let mut pump = Pump::new(show);
+    /// Opens the port; with `board` the board is asked for its state too.
+    fn start(port: &'a str, ui: Ui, mut show: Show, board: Option<Shared>) -> anyhow::Result<Self> {
+        let refused = Arc::new(AtomicUsize::new(0));
+        let count = refused.clone();
+        let counted: Show = Box::new(move |line| {
+            if line.starts_with(REFUSED) {
+                count.fetch_add(1, Ordering::Relaxed);
+            }
+            show(line);
+        });
+        let asks = board.is_some();
+        let board = board.unwrap_or_default();
+        let mut pump = Pump::new(counted, board.clone());
         let (link, handle) = port::open_free(port)?;
-        pump.start(link);
+        let (open, handle) = if asks { with_board(port, link, handle)? } else { (Port::Text(link), handle) };
+        pump.start(open);
         let interrupt = interrupt::InterruptHandler::start(port, handle.clone())?;
-        Ok(Self { port, ui, pump, interrupt, handle })
+        Ok(Self { port, ui, asks, pump, interrupt, handle, board, refused, failed: None })
     }
 
     /// Starts on the port that was opened again.
-    fn start_again(&mut self, (link, handle): (Box<dyn Link>, StopHandle)) {
+    fn start_again(&mut self, (link, handle): (Box<dyn Link>, StopHandle)) -> anyhow::Result<()> {
+        let (open, handle) = if self.asks { with_board(self.port, link, handle)? } else { (Port::Text(link), handle) };
         self.interrupt.use_handle(handle.clone());
         self.handle = handle;
-        self.pump.start(link);
+        self.pump.start(open);
+        Ok(())
     }
 
     /// Switches all coils off at once, even during an answer of the board; returns the result.
@@ -147,9 +165,10 @@ impl<'a> Session<'a> {
         match completion::local(line) {
             Some(LocalCommand::Quit) => return Ok(Next::Leave),
             Some(LocalCommand::UploadWithoutFile) => {
-                self.ui.note("upload needs a file: `upload TABLE.darm`, made by `darm table`")
+                self.fail(Usage("upload needs a file: `upload TABLE.darm`, made by `darm table`".to_owned()).into());
             }
             Some(LocalCommand::Upload(file)) => self.upload(Path::new(file))?,
+            Some(LocalCommand::Help(command)) => self.help(command),
             None if line.is_empty() => {}
             None if line == "stop" => {
                 let stopped = self.stop();
@@ -157,15 +176,66 @@ impl<'a> Session<'a> {
                     self.ui.note(&stopped);
                 }
             }
-            None if !self.pump.ask(line) && !self.pump.is_lost() => {
-                self.ui.note("no answer; check that this is the port of a running board: `darm doctor`");
-            }
-            None => {}
+            None => self.ask(line),
         }
         if self.pump.is_lost() {
             self.reopen()?;
         }
         Ok(Next::On)
+    }
+
+    /// Sends a line to the board; where it is refused, says what is allowed.
+    fn ask(&mut self, line: &str) {
+        let before = self.refused.load(Ordering::Relaxed);
+        if !self.pump.ask(line) && !self.pump.is_lost() {
+            return self.fail(NoAnswer.into());
+        }
+        if line == "help" {
+            for command in commands::COMMANDS.iter().filter(|command| command.is_local) {
+                let usage = format!("{} {}", command.name, command.arguments);
+                print_line(&format!("{usage:<16} {} (this console)", command.help), self.ui);
+            }
+        }
+        if self.asks && self.refused.load(Ordering::Relaxed) > before {
+            self.pump.look();
+            self.explain(line);
+        }
+    }
+
+    /// What is allowed in place of a line that was refused.
+    fn explain(&self, line: &str) {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let board = self.board.get();
+        if let Some(allowed) = board.as_ref().and_then(|board| board.allowed(&words)) {
+            self.ui.note(&format!("  {allowed}"));
+        }
+        if let Some(Phase::Safe(fault)) = board.map(|board| board.status.phase) {
+            self.ui.note(&format!("  the fault: {fault}; remove its cause, then `clear`"));
+        }
+        let command = words.first().copied().unwrap_or_default();
+        if let (None, Some(meant)) = (commands::find(command), commands::similar(command)) {
+            self.ui.note(&format!("  did you mean `{}`?", meant.name));
+        }
+    }
+
+    /// Explains a command, with the values that are allowed now.
+    fn help(&mut self, command: &str) {
+        let Some(found) = commands::find(command) else {
+            let meant = commands::similar(command).map_or(String::new(), |it| format!("; did you mean `{}`?", it.name));
+            return self.fail(Usage(format!("no command {command}; `help` lists them{meant}")).into());
+        };
+        let usage = format!("{} {}", found.name, found.arguments);
+        print_line(usage.trim_end(), self.ui);
+        print_line(&format!("  {}", found.help), self.ui);
+        if let Some(allowed) = self.board.get().and_then(|board| board.allowed(&[found.name])) {
+            print_line(&format!("  Now: {allowed}."), self.ui);
+        }
+    }
+
+    /// A line that failed does not end the console.
+    fn fail(&mut self, error: anyhow::Error) {
+        self.ui.note(&failure::sentence(&error));
+        self.failed.get_or_insert(error);
     }
 
     /// The port was lost, for example because the cable was unplugged: waits until it can be opened again.
@@ -177,7 +247,7 @@ impl<'a> Session<'a> {
         loop {
             match port::open(self.port) {
                 Ok(opened) => {
-                    self.start_again(opened);
+                    self.start_again(opened)?;
                     self.ui.note(&format!("{} is open again", self.port));
                     return Ok(());
                 }
@@ -192,17 +262,16 @@ impl<'a> Session<'a> {
         let table = match TableFile::read(file) {
             Ok(table) => table,
             Err(error) => {
-                self.ui.note(&error.to_string());
+                self.fail(error.into());
                 return Ok(());
             }
         };
         self.pump.stop()?;
         match self.upload_table(&table) {
             Ok(text) => self.ui.note(&text),
-            Err(error) => self.ui.note(&failure::sentence(&error)),
+            Err(error) => self.fail(error),
         }
-        self.start_again(port::open(self.port)?);
-        Ok(())
+        self.start_again(port::open(self.port)?)
     }
 
     fn upload_table(&self, file: &TableFile) -> anyhow::Result<String> {
@@ -214,6 +283,20 @@ impl<'a> Session<'a> {
         let rows = client.upload(&file.image, &mut |progress| bar.set_position(u64::from(progress.done)))?;
         bar.finish_and_clear();
         Ok(format!("{rows} rows stored; run them with `play`"))
+    }
+}
+
+/// The board did not answer a line.
+#[derive(Debug, thiserror::Error)]
+#[error("no answer; check that this is the port of a running board: `darm doctor`")]
+pub(crate) struct NoAnswer;
+
+/// Connects to the board at an open port. One that does not answer frames, such as a board whose firmware crashed again and
+/// again, is typed to all the same.
+fn with_board(port: &str, link: Box<dyn Link>, handle: StopHandle) -> Result<(Port, StopHandle), LinkError> {
+    match Client::connect(link) {
+        Ok(client) if client.hello().is_some() => Ok((Port::Board(Box::new(client)), handle)),
+        Ok(_) | Err(_) => port::open(port).map(|(link, handle)| (Port::Text(link), handle)),
     }
 }
 

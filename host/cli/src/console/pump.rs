@@ -6,7 +6,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
+use darm_device::client::{Client, ClientError, TransportError};
 use darm_device::link::{Link, LinkError};
+
+use super::board_state::{BoardState, Shared};
 
 /// Timeout of one read from the port.
 const POLL: Duration = Duration::from_millis(10);
@@ -15,6 +18,24 @@ const ANSWER: Duration = Duration::from_millis(1500);
 /// An answer has ended when nothing arrived for this long.
 const QUIET: Duration = Duration::from_millis(120);
 
+/// Interval at which the board is asked for its state.
+const LOOK: Duration = Duration::from_millis(500);
+
+/// An open port.
+pub(crate) enum Port {
+    /// Lines of text and nothing else.
+    Text(Box<dyn Link>),
+    /// With a board that answers frames: it is asked for its state between lines.
+    Board(Box<Client>),
+}
+
+enum Job {
+    /// Send this line.
+    Line(String),
+    /// Ask for the state now.
+    Look(Sender<()>),
+}
+
 /// Where text from the board goes.
 pub(crate) type Show = Box<dyn FnMut(&str) + Send>;
 
@@ -22,10 +43,11 @@ pub(crate) type Show = Box<dyn FnMut(&str) + Send>;
 pub(crate) struct Pump {
     running: Option<Running>,
     screen: Arc<Screen>,
+    board: Shared,
 }
 
 struct Running {
-    lines: Sender<String>,
+    jobs: Sender<Job>,
     thread: JoinHandle<Result<(), LinkError>>,
 }
 
@@ -43,23 +65,36 @@ impl Screen {
 }
 
 impl Pump {
-    /// A pump without a port yet.
-    pub(crate) fn new(show: Show) -> Self {
-        Self { running: None, screen: Arc::new(Screen { show: Mutex::new(show), shown: AtomicU64::new(0) }) }
+    /// A pump without a port yet; it keeps `board` up to date.
+    pub(crate) fn new(show: Show, board: Shared) -> Self {
+        Self { running: None, screen: Arc::new(Screen { show: Mutex::new(show), shown: AtomicU64::new(0) }), board }
     }
 
     /// Starts on an open port.
-    pub(crate) fn start(&mut self, link: Box<dyn Link>) {
-        let (lines, to_send) = channel();
-        let screen = Arc::clone(&self.screen);
-        let thread = thread::spawn(move || run(link, &to_send, &screen));
-        self.running = Some(Running { lines, thread });
+    pub(crate) fn start(&mut self, port: Port) {
+        let (jobs, to_do) = channel();
+        let (screen, board) = (Arc::clone(&self.screen), self.board.clone());
+        self.board.set(None);
+        let thread = thread::spawn(move || match port {
+            Port::Text(link) => run(link, &to_do, &screen),
+            Port::Board(client) => Conversation::new(*client, screen, board).run(&to_do),
+        });
+        self.running = Some(Running { jobs, thread });
+    }
+
+    /// Waits until the state of the board is that of now.
+    pub(crate) fn look(&self) {
+        let (done, seen) = channel();
+        if self.running.as_ref().is_some_and(|running| running.jobs.send(Job::Look(done)).is_ok()) {
+            // A board that does not answer has no state.
+            let _ = seen.recv_timeout(ANSWER);
+        }
     }
 
     /// Ends the thread and closes the port; returns the error of a port that had failed.
     pub(crate) fn stop(&mut self) -> Result<(), LinkError> {
-        let Some(Running { lines, thread }) = self.running.take() else { return Ok(()) };
-        drop(lines);
+        let Some(Running { jobs, thread }) = self.running.take() else { return Ok(()) };
+        drop(jobs);
         thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     }
 
@@ -72,7 +107,7 @@ impl Pump {
     pub(crate) fn ask(&self, line: &str) -> bool {
         let count = || self.screen.shown.load(Ordering::Acquire);
         let before = count();
-        if self.running.as_ref().is_none_or(|running| running.lines.send(line.to_owned()).is_err()) {
+        if self.running.as_ref().is_none_or(|running| running.jobs.send(Job::Line(line.to_owned())).is_err()) {
             return false;
         }
         let asked = Instant::now();
@@ -90,13 +125,14 @@ impl Pump {
     }
 }
 
-/// Runs until the port fails or the sender of lines is gone.
-fn run(mut link: Box<dyn Link>, to_send: &Receiver<String>, screen: &Screen) -> Result<(), LinkError> {
+/// Runs until the port fails or the sender of jobs is gone.
+fn run(mut link: Box<dyn Link>, to_do: &Receiver<Job>, screen: &Screen) -> Result<(), LinkError> {
     let mut text = Text::default();
     let mut bytes = [0; 256];
     loop {
-        match to_send.try_recv() {
-            Ok(line) => link.send(format!("{line}\r").as_bytes())?,
+        match to_do.try_recv() {
+            Ok(Job::Line(line)) => link.send(format!("{line}\r").as_bytes())?,
+            Ok(Job::Look(_)) => {}
             Err(TryRecvError::Empty) => {}
             Err(TryRecvError::Disconnected) => return Ok(()),
         }
@@ -106,6 +142,81 @@ fn run(mut link: Box<dyn Link>, to_send: &Receiver<String>, screen: &Screen) -> 
                 screen.show(&line);
             }
         }
+    }
+}
+
+/// Lines of text and questions for the state, in turn on one port.
+struct Conversation {
+    client: Client,
+    screen: Arc<Screen>,
+    board: Shared,
+    looked: Instant,
+    phase: Option<String>,
+}
+
+impl Conversation {
+    fn new(mut client: Client, screen: Arc<Screen>, board: Shared) -> Self {
+        let (mut text, shown) = (Text::default(), Arc::clone(&screen));
+        client.set_on_text(move |bytes| {
+            bytes.iter().filter_map(|&byte| text.push(byte)).for_each(|line| shown.show(&line));
+        });
+        Self { client, screen, board, looked: Instant::now(), phase: None }
+    }
+
+    /// Runs until the port fails or the sender of jobs is gone.
+    fn run(mut self, to_do: &Receiver<Job>) -> Result<(), LinkError> {
+        loop {
+            match to_do.try_recv() {
+                Ok(Job::Line(line)) => only_link(self.client.type_line(&line))?,
+                Ok(Job::Look(done)) => {
+                    self.look()?;
+                    // Nobody waits any more where the answer took too long.
+                    let _ = done.send(());
+                }
+                Err(TryRecvError::Empty) if self.looked.elapsed() > LOOK => self.look()?,
+                Err(TryRecvError::Empty) => {}
+                Err(TryRecvError::Disconnected) => return Ok(()),
+            }
+            only_link(self.client.listen(POLL.as_secs_f64()))?;
+        }
+    }
+
+    /// Asks for the state, and shows when the board does something else than before.
+    fn look(&mut self) -> Result<(), LinkError> {
+        let state = self.ask();
+        self.looked = Instant::now();
+        let phase = state.as_ref().ok().map(BoardState::phase);
+        if let (Some(before), Some(now)) = (&self.phase, &phase)
+            && before != now
+        {
+            self.screen.show(&format!("[{now}]"));
+        }
+        self.phase = phase.or(self.phase.take());
+        match state {
+            Ok(state) => self.board.set(Some(state)),
+            Err(error) => {
+                self.board.set(None);
+                only_link(Err(error))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn ask(&mut self) -> Result<BoardState, ClientError> {
+        let status = match self.client.status() {
+            // The board was restarted, or another program has asked it.
+            Err(ClientError::Refused(_)) => self.client.say_hello().and_then(|_| self.client.status())?,
+            other => other?,
+        };
+        Ok(BoardState { status, outputs: self.client.outputs()? })
+    }
+}
+
+/// The error of a port that has failed; that a board is silent or refuses a question is none.
+fn only_link(result: Result<(), ClientError>) -> Result<(), LinkError> {
+    match result {
+        Err(ClientError::Transport(TransportError::Link(error))) => Err(error),
+        Ok(()) | Err(_) => Ok(()),
     }
 }
 

@@ -97,7 +97,7 @@ fn messages_name_ports_profiles_and_refused_lines() {
     let mut script = home.command(&format!("console {}", board.port));
     home.write("script", "id\ndance\n");
     let script = script.stdin(std::fs::File::open(home.path("script")).unwrap()).output().unwrap();
-    assert_eq!(script.status.code(), Some(1));
+    assert_eq!(script.status.code(), Some(3));
     assert!(text(&script.stderr).contains("the board refused 1 of the lines"), "{}", text(&script.stderr));
     for command in ["make", "migrate", "check", "write", "show"] {
         let help = home.succeeds(&format!("profile {command} --help"));

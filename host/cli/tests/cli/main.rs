@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 
 mod bundle;
+mod console;
 mod differential;
 mod digests;
 mod examples;
@@ -28,9 +29,39 @@ mod stop;
 mod unfinished;
 
 const COMMANDS: [&str; 31] = [
-    "synth", "adjust", "table", "upload", "play", "stop", "status", "record", "import", "diagnose", "bundle",
-    "console", "sim", "flash", "doctor", "profile", "fk", "jacobian", "ik", "bench-ik", "dynamics", "com", "model",
-    "draw", "nearest", "map", "path", "grasp", "inertia", "odometry", "serve",
+    "synth",
+    "adjust",
+    "table",
+    "upload",
+    "play",
+    "stop",
+    "status",
+    "record",
+    "import",
+    "diagnose",
+    "bundle",
+    "console",
+    "sim",
+    "flash",
+    "doctor",
+    "profile",
+    "fk",
+    "jacobian",
+    "ik",
+    "bench-ik",
+    "dynamics",
+    "com",
+    "model",
+    "draw",
+    "nearest",
+    "map",
+    "path",
+    "grasp",
+    "inertia",
+    "odometry",
+    "serve",
+    "completions",
+    "man",
 ];
 
 /// A user's empty home, and the folder the commands run in.
@@ -367,29 +398,5 @@ fn status_shows_which_outputs_recover() {
         let numbers: Vec<u64> = recovering.iter().map(|output| output["output"].as_u64().unwrap()).collect();
         assert_eq!(numbers, outputs, "{profile}: {status}");
         assert!(recovering.iter().all(|output| output["recovery_s"].as_f64() > Some(0.0)), "{status}");
-    }
-}
-
-#[test]
-fn the_console_runs_the_commands_of_the_board() {
-    let home = Home::new();
-    let board = Board::start(&home, &example("planar4.toml"));
-    let said = home.types(&format!("console {}", board.port), "id\nhelp\ndance\nquit\n");
-    assert!(said.starts_with("board "), "{said}");
-    assert!(said.contains("? dance: no such command; type help"), "{said}");
-    for word in [
-        "status",
-        "limits",
-        "table",
-        "play",
-        "stop",
-        "coil N",
-        "word DIGITS",
-        "servo N DEG",
-        "nearest X Y A",
-        "fault",
-        "log",
-    ] {
-        assert!(said.contains(&format!("\n{word}")), "{word} is not in {said}");
     }
 }
