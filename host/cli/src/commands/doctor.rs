@@ -1,5 +1,7 @@
 //! `darm doctor`: checks everything between this computer and a board, and says how to fix what is wrong.
 
+mod udev;
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -11,7 +13,7 @@ use serde::Serialize;
 
 use super::{flash, status};
 use crate::failure::FailedChecks;
-use crate::firmware_image;
+use crate::firmware_image::{self, NoImage};
 use crate::port::{PortArgs, board_ports, emulated_port};
 use crate::ui::{Answer, Ui};
 
@@ -19,10 +21,11 @@ const EXAMPLES: &str = "\
 Examples:
   darm doctor                                              # everything
   darm doctor -p unix:$HOME/.local/state/darm/board/port   # the same with the board at this port
+  darm doctor --udev-rule > 60-darm.rules                  # the rule by which a user may open boards
 
 The exit code is 1 if a check failed; what is only missing is no failure.";
 
-/// How a user gets permission to open serial ports.
+/// How a user who is not logged in at the computer itself gets permission to open serial ports.
 const DIALOUT: &str = "`sudo usermod -aG dialout $USER`, then log in again";
 /// Target of the firmware's build.
 const TARGET: &str = "thumbv7em-none-eabihf";
@@ -33,6 +36,9 @@ const TARGET: &str = "thumbv7em-none-eabihf";
 pub(crate) struct Doctor {
     #[command(flatten)]
     port: PortArgs,
+    /// Print the udev rule that lets a user open boards and probes, and check nothing
+    #[arg(long, conflicts_with = "port")]
+    udev_rule: bool,
 }
 
 /// Result of one check.
@@ -104,13 +110,21 @@ struct Report {
     checks: Vec<Check>,
 }
 
+/// How a user gets permission to open a board's port.
+fn permission_fix() -> String {
+    match udev::check().state {
+        State::Good => format!("plug the board in again; over SSH, where the udev rule gives no permission: {DIALOUT}"),
+        State::Missing | State::Wrong => format!("{}; over SSH instead: {DIALOUT}", udev::INSTALL),
+    }
+}
+
 /// What is wrong with a port, and the fix.
 fn link_failure(error: &LinkError) -> (String, String) {
     match error {
         LinkError::Missing { port } => {
             (format!("no port {port}"), "plug the board in, or name another port with --port".into())
         }
-        LinkError::Permission { port } => (format!("no permission to open {port}"), DIALOUT.into()),
+        LinkError::Permission { port } => (format!("no permission to open {port}"), permission_fix()),
         LinkError::Busy { port } => {
             (format!("{port} is in use"), format!("close the other program (`fuser {port}` names it)"))
         }
@@ -134,10 +148,15 @@ fn link_failure(error: &LinkError) -> (String, String) {
 
 impl Doctor {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
+        if self.udev_rule {
+            return ui.print(&udev::Rule::new());
+        }
         let spinner = ui.spinner("checking");
         let mut checks = ports();
         checks.extend(self.board());
-        checks.extend([emulator(), image(), probe_rs(), toolchain()]);
+        checks.extend([udev::check(), emulator(), image(), probe_rs()]);
+        // A release has the images that a toolchain would build.
+        checks.extend(firmware_image::embedded().is_empty().then(toolchain));
         spinner.finish_and_clear();
         let failed = checks.iter().filter(|check| check.state == State::Wrong).count();
         ui.print(&Report { version: env!("CARGO_PKG_VERSION"), checks })?;
@@ -226,7 +245,7 @@ fn permission(port: &str) -> Check {
     use rustix::fs::{Access, access};
     match access(Path::new(port), Access::READ_OK | Access::WRITE_OK) {
         Ok(()) => Check::good("port", format!("{port} can be read and written")),
-        Err(_) => Check::wrong("port", format!("no permission to open {port}"), DIALOUT),
+        Err(_) => Check::wrong("port", format!("no permission to open {port}"), permission_fix()),
     }
 }
 
@@ -237,7 +256,8 @@ fn emulator() -> Check {
             "emulator",
             format!("{} is not installed", qemu::PROGRAM),
             format!(
-                "`cargo xtask demo` installs it, or `sudo apt install qemu-system-arm` where that is {} or newer",
+                "`sudo apt install qemu-system-arm` where that is {} or newer, on Debian 12 with `-t bookworm-backports`; \
+                 without it `darm sim` runs the firmware's library in its own process",
                 qemu::OLDEST
             ),
         ),
@@ -254,9 +274,14 @@ fn emulator() -> Check {
 
 fn image() -> Check {
     let named = std::env::var_os(firmware_image::VARIABLE).map(PathBuf::from);
+    let embedded = firmware_image::embedded();
+    if named.is_none() && !embedded.is_empty() {
+        return Check::good("firmware", format!("images of {} in this program", embedded.join(", ")));
+    }
     match firmware_image::find(named.as_deref()) {
         Ok(path) => Check::good("firmware", path.display().to_string()),
-        Err(_) => Check::missing("firmware", "no image has been built", "`cargo xtask image`"),
+        Err(NoImage::NotBuilt) => Check::missing("firmware", "no image has been built", "`cargo xtask image`"),
+        Err(error) => Check::wrong("firmware", error.to_string(), format!("correct {}", firmware_image::VARIABLE)),
     }
 }
 

@@ -8,13 +8,9 @@ use std::process::{Command, Stdio};
 
 use serde::Serialize;
 
-use crate::firmware_image;
+use crate::firmware_image::{self, Board};
 use crate::ui::{Answer, Ui};
 
-/// Name of the chip as probe-rs knows it.
-pub(crate) const CHIP: &str = "STM32L475VG";
-/// The same of the Pico's.
-const CHIP_OF_PICO: &str = "RP2040";
 /// Mounted drives of Linux.
 const MOUNTS: &str = "/proc/mounts";
 
@@ -33,22 +29,23 @@ const EXAMPLES: &str = "\
 Examples:
   cargo xtask image && darm flash   # (no_run: probe)
 
-This builds the image and writes it to the board; an image that was built elsewhere is named: darm flash IMAGE.elf. The board's \
-own ST-LINK (USB connector CN7) is the probe. Tables and calibrations are kept: they are in the other flash bank.
+The image is the one that this program was built with, as every release is (`darm doctor` says so), else the one that \
+`cargo xtask image` built in the workspace; another one is named: darm flash IMAGE.elf. The ST-LINK of the B-L475E-IOT01A (USB \
+connector CN7) is the probe. Tables and calibrations are kept: they are in the other flash bank.
 
-With --board pico after both, the image is that of a Raspberry Pi Pico. Plugged in with its button BOOTSEL held it is a drive, \
-RPI-RP2: the image is copied to it.";
+With --board pico the image is that of a Raspberry Pi Pico. Plugged in with its button BOOTSEL held it is a drive, RPI-RP2: the \
+image is copied to it.";
 
 /// Write the firmware to the board, with probe-rs or to the boot drive of a Pico
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Flash {
-    /// ELF file of the firmware; default: the one built in this workspace
+    /// ELF file of the firmware; default: the one in this program, else the one built in this workspace
     #[arg(value_name = "ELF", env = firmware_image::VARIABLE)]
     elf: Option<PathBuf>,
-    /// Board whose built image is written
-    #[arg(long, value_enum, default_value = "b-l475e-iot01a", conflicts_with = "elf")]
-    board: firmware_image::Board,
+    /// Board that is written to
+    #[arg(long, value_enum, default_value = "b-l475e-iot01a")]
+    board: Board,
     /// Folder of the boot drive, where it is not found
     #[arg(long, value_name = "FOLDER")]
     drive: Option<PathBuf>,
@@ -73,7 +70,7 @@ enum FlashError {
         "{0} is not the boot drive of a Pico: it has no INFO_UF2.TXT that names RPI-RP2; hold BOOTSEL while you plug it in"
     )]
     NotADrive(PathBuf),
-    #[error("{0} is an image of another chip than the Pico's, and takes no --drive")]
+    #[error("{0} is not an image of a Pico; leave out --board pico and --drive, or name another image")]
     OtherChip(PathBuf),
     #[error("cannot write {0}: {1}; plug the Pico in again with BOOTSEL held")]
     Drive(PathBuf, std::io::Error),
@@ -96,15 +93,15 @@ impl Flash {
         let elf = firmware_image::find_for(self.board, self.elf.as_deref())?;
         let segments = std::fs::read(&elf).ok().and_then(|bytes| uf2::segments(&bytes));
         let spinner = ui.spinner("flashing");
-        let chip = match (segments, &self.drive) {
-            (Some(segments), drive) => {
-                Self::flash_pico(&elf, &segments, drive.as_deref())?;
-                CHIP_OF_PICO
+        let chip = match segments {
+            Some(segments) => {
+                Self::flash_pico(&elf, &segments, self.drive.as_deref())?;
+                Board::Pico.chip()
             }
-            (None, Some(_)) => return Err(FlashError::OtherChip(elf).into()),
-            (None, None) => {
-                flash_by_probe(CHIP, &elf)?;
-                CHIP
+            None if self.drive.is_some() || self.board == Board::Pico => return Err(FlashError::OtherChip(elf).into()),
+            None => {
+                flash_by_probe(self.board.chip(), &elf)?;
+                self.board.chip()
             }
         };
         spinner.finish_and_clear();
@@ -119,7 +116,7 @@ impl Flash {
             None => uf2::drive(Path::new(MOUNTS)),
         };
         let Some(drive) = drive else {
-            return flash_by_probe(CHIP_OF_PICO, elf).map_err(|_| FlashError::NoDrive);
+            return flash_by_probe(Board::Pico.chip(), elf).map_err(|_| FlashError::NoDrive);
         };
         // The chip starts the image when the last block has come, and the drive disappears.
         let file = drive.join("darm.uf2");

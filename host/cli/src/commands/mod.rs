@@ -5,6 +5,7 @@ mod bench_ik;
 mod bundle;
 mod camera;
 mod com;
+mod completions;
 mod console;
 mod diagnose;
 mod doctor;
@@ -17,6 +18,7 @@ mod ik;
 mod import;
 mod inertia;
 mod jacobian;
+mod man;
 mod map;
 mod model;
 mod nearest;
@@ -116,6 +118,8 @@ pub(crate) enum Command {
     Draw(draw::Draw),
     Grasp(grasp::Grasp),
     Doctor(doctor::Doctor),
+    Completions(completions::Completions),
+    Man(man::Man),
 }
 
 impl Command {
@@ -153,6 +157,8 @@ impl Command {
             Self::Draw(command) => command.run(ui),
             Self::Grasp(command) => command.run(ui),
             Self::Doctor(command) => command.run(ui),
+            Self::Completions(command) => command.run(ui),
+            Self::Man(command) => command.run(ui),
         }
     }
 }

@@ -54,7 +54,7 @@ pub(crate) struct Sim {
     /// The arm on the board's pins
     #[arg(value_name = "ARM.toml")]
     arm: PathBuf,
-    /// ELF file of the firmware; default: the one built in this workspace
+    /// ELF file of the firmware; default: the one in this program, else the one built in this workspace
     #[arg(long, value_name = "ELF", env = firmware_image::VARIABLE)]
     firmware: Option<PathBuf>,
     /// Folder of the board's flash, port and camera socket

@@ -28,7 +28,7 @@ mod robots;
 mod stop;
 mod unfinished;
 
-const COMMANDS: [&str; 31] = [
+const COMMANDS: [&str; 33] = [
     "synth",
     "adjust",
     "table",
