@@ -6,6 +6,8 @@ use sha2::{Digest as _, Sha256};
 
 /// What an image is made of, from this folder; a PC has no boards.
 const SOURCES: [&str; 5] = ["src", "../shared/src", "../Cargo.toml", "../Cargo.lock", "boards"];
+/// The same of a published crate, which is outside of its workspace.
+const PUBLISHED: [&str; 2] = ["src", "Cargo.toml"];
 
 fn main() -> io::Result<()> {
     println!("cargo:rerun-if-changed=build.rs");
@@ -19,7 +21,8 @@ fn main() -> io::Result<()> {
 fn build_id(folder: &Path) -> io::Result<[u8; 8]> {
     let mut files = Vec::new();
     let is_chip = env::var("CARGO_CFG_TARGET_OS").is_ok_and(|os| os == "none");
-    for source in SOURCES.iter().filter(|source| is_chip || **source != "boards").map(|source| folder.join(source)) {
+    let sources: &[&str] = if folder.join("../shared").is_dir() { &SOURCES } else { &PUBLISHED };
+    for source in sources.iter().filter(|source| is_chip || **source != "boards").map(|source| folder.join(source)) {
         println!("cargo:rerun-if-changed={}", source.display());
         collect(&source, &mut files)?;
     }

@@ -3,6 +3,7 @@
 //! | file     | holds                                                            |
 //! |----------|------------------------------------------------------------------|
 //! | `board`  | the boards that there are images for                              |
+//! | `embedded` | the images that a release of the tool has in it                |
 //! | `thumb`  | the instructions that matter for calls and stack                  |
 //! | `code`   | functions, frames and direct calls of a linked image              |
 //! | `graph`  | the call graph with indirect calls, deepest chains                |
@@ -13,6 +14,7 @@
 
 mod board;
 mod code;
+mod embedded;
 mod graph;
 mod lists;
 mod panics;
@@ -27,6 +29,7 @@ use anyhow::{Context, Result, bail};
 
 use crate::setup::{self, Emulator};
 pub use board::Board;
+pub use embedded::build_all;
 
 /// Builds the firmware image and prints its path, or analyses it
 #[derive(clap::Args)]
@@ -34,6 +37,10 @@ pub struct Command {
     /// Which board
     #[arg(long, value_enum, default_value = "b-l475e-iot01a")]
     board: Board,
+    /// Builds the images of all boards without debug information and prints their folder: `DARM_IMAGES` of a build of the
+    /// tool that has them in it
+    #[arg(long, conflicts_with_all = ["board", "stack", "ram", "budget", "panics"])]
+    all: bool,
     /// Prints the bound of the stack with the deepest call chains; fails above 85 % of the stack
     #[arg(long)]
     stack: bool,
@@ -56,6 +63,10 @@ impl Command {
     /// The image cannot be built or read, the budget cannot be written, or as [`check`] where the stack or the panics
     /// are analysed.
     pub fn run(self) -> Result<()> {
+        if self.all {
+            println!("{}", build_all()?.display());
+            return Ok(());
+        }
         if self.board != Board::BL475eIot01a {
             if self.ram || self.budget || self.stack || self.panics {
                 bail!("only the image of b-l475e-iot01a is analysed; drop the option");

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use start::Arguments;
-use xtask::image;
+use xtask::{image, package};
 
 /// Set-up, demo, tests and measurements. Each command does the set-up that it needs and says what it does.
 #[derive(Parser)]
@@ -40,6 +40,8 @@ enum Task {
     Test(test::Test),
     /// Builds the firmware image and prints its path, or analyses it
     Image(image::Command),
+    /// Builds the Debian package of the tool and prints its path, or checks what is published
+    Package(package::Command),
 }
 
 fn main() -> ExitCode {
@@ -55,6 +57,7 @@ fn main() -> ExitCode {
         Task::Measured(arguments) => start::measurement("measured", &arguments),
         Task::Test(test) => test.run().map(|()| ExitCode::SUCCESS),
         Task::Image(image) => image.run().map(|()| ExitCode::SUCCESS),
+        Task::Package(package) => package.run().map(|()| ExitCode::SUCCESS),
     };
     result.unwrap_or_else(|error| {
         eprintln!("error: {error:#}");
