@@ -7,14 +7,13 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use darm::report::diagnosis_page;
 use serde::Serialize;
 use serde_json::json;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
-use super::diagnose::Report;
 use super::diagnose::how::{How, Task};
+use super::diagnose::{Report, page};
 use crate::exchanged::{self, options_without, quoted};
 use crate::failure;
 use crate::output_file::{refuse_existing, refuse_same, write_all};
@@ -114,7 +113,7 @@ impl Bundle {
         let task = Task { model: &self.model, data: &self.data, new_model: None };
         let run = || -> anyhow::Result<Outcome> {
             let (diagnosis, _) = self.how.diagnose(task, ui)?;
-            let (verdict, page) = (diagnosis.verdict.to_string(), diagnosis_page(&diagnosis).into_string());
+            let (verdict, page) = (diagnosis.verdict.to_string(), page(&diagnosis, &self.model, &self.data)?);
             let json = ui::json(&Report::new(diagnosis))?;
             let files = vec![("verdict.json".into(), json.into_bytes()), ("report.html".into(), page.into_bytes())];
             Ok(Outcome { verdict: Some(verdict), error: None, files })

@@ -4,9 +4,11 @@ pub(super) mod how;
 mod log;
 mod rows;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
-use darm::report::diagnosis_page;
+use anyhow::Context as _;
+use darm::report::{SourceFile, diagnosis_page};
 use darm_diagnose::correction::Keep;
 use darm_diagnose::measurement::Finding;
 use darm_diagnose::outcome::{Diagnosis, Effect, ErrorFigure, Number};
@@ -102,10 +104,19 @@ impl Diagnose {
             ui.note(NOTHING_TO_WRITE);
         }
         if let Some(path) = &self.report {
-            output_file::write_text(path, Syntax::Html, &diagnosis_page(&diagnosis).into_string())?;
+            output_file::write_text(path, Syntax::Html, &page(&diagnosis, model, &self.data)?)?;
         }
         ui.print(&Report { diagnosis, output, asked })
     }
+}
+
+/// The page of a diagnosis, with the digests of its files.
+pub(super) fn page(diagnosis: &Diagnosis, model: &Path, data: &Path) -> anyhow::Result<String> {
+    let read = |kind, path: &Path| {
+        SourceFile::read(kind, path).with_context(|| format!("cannot read {} for its digest", path.display()))
+    };
+    let files = [read("model", model)?, read("measurements", data)?];
+    Ok(diagnosis_page(diagnosis, &files, SystemTime::now()).into_string())
 }
 
 impl Report {

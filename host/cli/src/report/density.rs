@@ -23,12 +23,52 @@ pub fn svg(spots: &BTreeMap<Place, Spot>, axes: [usize; 2], cell_m: f64) -> Stri
     let [width, height] = [&x, &y].map(|axis| axis.range.end - axis.range.start);
     let scale = LONG / width.max(height);
     let largest = squares.values().fold(1.0, |largest: f64, words| largest.max(*words)).ln_1p();
-    let series = squares.iter().map(|(square, words)| {
+    let mut shown = shown(squares.values().copied());
+    let series = squares.iter().map(|(square, &words)| {
         let low = square.map(|number| cell_m * (f64::from(number) - 0.5));
         let color = DENSITY[0].mix(DENSITY[1], words.ln_1p() / largest);
-        Series::unnamed(color, Shape::Box([low, low.map(|at| at + cell_m)]))
+        let shape = Shape::Box([low, low.map(|at| at + cell_m)]);
+        // The first square of a colour of the legend gives its entry.
+        match shown.iter().position(|&count| count == words) {
+            Some(entry) => {
+                shown.remove(entry);
+                Series::named(&legend(words, cell_m), color, shape)
+            }
+            None => Series::unnamed(color, shape),
+        }
     });
     // The room that a chart takes for numbers and margins.
     let size = ((width * scale) as u32 + 98, (height * scale) as u32 + 60);
     Chart { size, x, y, series: series.collect(), ..Chart::default() }.svg()
+}
+
+/// The counts of words whose colours the legend shows: the smallest, the one in the middle of the scale, and the largest.
+fn shown(counts: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut counts: Vec<f64> = counts.collect();
+    counts.sort_by(f64::total_cmp);
+    counts.dedup();
+    let (Some(&low), Some(&high)) = (counts.first(), counts.last()) else { return Vec::new() };
+    let middle = 0.5 * (low.ln_1p() + high.ln_1p());
+    let off = |count: &f64| (count.ln_1p() - middle).abs();
+    let mut shown = vec![low, high];
+    shown.extend(counts.into_iter().min_by(|a, b| off(a).total_cmp(&off(b))));
+    shown.sort_by(f64::total_cmp);
+    shown.dedup();
+    shown
+}
+
+fn legend(words: f64, cell_m: f64) -> String {
+    let count = if words < 1e6 { format!("{words:.0}") } else { format!("{words:.1e}") };
+    format!("{count} word{} in {:.0} mm", if words == 1.0 { "" } else { "s" }, 1e3 * cell_m)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::shown;
+
+    #[test]
+    fn the_legend_shows_the_ends_and_the_middle_of_the_scale() {
+        assert_eq!(shown([1.0, 3.0, 5.0, 24.0, 1.0].into_iter()), [1.0, 5.0, 24.0]);
+        assert_eq!(shown([2.0, 2.0].into_iter()), [2.0]);
+    }
 }

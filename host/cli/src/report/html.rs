@@ -158,11 +158,27 @@ fn diagnosis(report: &LoopReport) -> Markup {
                     "Injected effect: " b { (truth.effect) }
                     @if !truth.place.is_empty() { ", " (truth.place) ", " (size(truth.size, truth.unit)) ", about " (format!("{:.0}", truth.times_scatter)) " × the repeatability" }
                     "."
+                    @if let Some(interval) = missed_interval(report) {
+                        " This is outside of the fitted interval, " (interval) ": a simulated arm follows an equation of its own, of which \
+                        the fitted law is an approximation over the conditions that were measured. The verdict rests on the held-out error."
+                    }
                 }
             }
             (tables_and_plots(d))
         }
     }
+}
+
+/// The fitted interval of an effect that was named rightly, where it does not contain the injected size; the injected
+/// size has no sign.
+fn missed_interval(report: &LoopReport) -> Option<String> {
+    let truth = report.truth.as_ref().filter(|_| report.named_rightly() == Some(true))?;
+    let [effect] = &report.diagnosis.effects[..] else { return None };
+    let value = effect.values.iter().find(|value| value.unit == truth.unit)?;
+    let [low, high] = value.ci95?;
+    let injected = truth.size.copysign(value.value);
+    let ends = [low, high].map(|end| size(end, truth.unit));
+    (!(low..=high).contains(&injected)).then(|| format!("{} {} to {}", value.name, ends[0], ends[1]))
 }
 
 /// The size of an effect; `1` means a number without unit.

@@ -20,7 +20,7 @@ use darm_arm::arm::frames::DesiredFrame;
 use darm_arm::arm::{Arm, ArmScratch};
 use darm_diagnose::outcome::Diagnosis;
 use darm_diagnose::truth::Sealed;
-pub use diagnosis::diagnosis_page;
+pub use diagnosis::{SourceFile, diagnosis_page};
 pub use drawing::{Line, Posture, posture};
 pub use html::page;
 pub use motion::{

@@ -212,7 +212,7 @@ fn rows_of_poses_are_named_chosen_held_out_and_drawn() {
         ["before", "after"].map(|when| reported["error"][when]["held_out"]["norm"]["value"].as_f64().unwrap());
     assert!(after < 0.2 * before, "{before} {after}");
     let page = std::fs::read_to_string(home.path("page.html")).unwrap();
-    assert!(page.contains("Missing effects") && page.contains("stroke-loss") && page.contains("<svg"));
+    assert!(page.contains("<b>Next: </b>") && page.contains("stroke-loss") && page.contains("<svg"));
     let rows = reported["rows"]["train"].as_u64().unwrap();
     for (how, held_out, rows) in [
         ("--hold-out-each day", "each day in turn", &rows.into()),

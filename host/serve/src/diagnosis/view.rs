@@ -3,6 +3,7 @@
 use darm_diagnose::files::FileDiagnosis;
 use darm_diagnose::measurement::Finding;
 use darm_diagnose::outcome::{Diagnosis, Verdict};
+use darm_diagnose::report::sentences::next_step;
 use darm_diagnose::report::tables::{sampling_table, tables_and_plots};
 use maud::{Markup, html};
 use serde::Serialize;
@@ -93,7 +94,7 @@ fn report(diagnosis: &Diagnosis) -> Markup {
             h2 #verdict-title { "Verdict" }
             p.verdict { (verdict) }
             @for sentence in others { p { (sentence) } }
-            p.next { b { "Next: " } (next_step(diagnosis)) }
+            p.next { b { "Next: " } (next_step(diagnosis.verdict)) }
         }
         section aria-labelledby="sampling-title" {
             h2 #sampling-title { "Measurements" }
@@ -115,26 +116,6 @@ fn notes(findings: &[Finding]) -> Markup {
             ul.notes { @for finding in findings.iter().take(MAX_NOTES) { li { (finding) } } }
             @if findings.len() > MAX_NOTES { p { "and " (findings.len() - MAX_NOTES) " more" } }
         }
-    }
-}
-
-/// What a person does next.
-fn next_step(diagnosis: &Diagnosis) -> &'static str {
-    match diagnosis.verdict {
-        Verdict::EffectFound => {
-            "write the corrected model, make the next table from it, and record again: the error should be near the \
-             repeatability."
-        }
-        Verdict::PartlyExplained => {
-            "write the corrected model, and look below at what the residual correlates with: another cause is left."
-        }
-        Verdict::NoEffect => "keep the model: these measurements show nothing that it is missing.",
-        Verdict::UnexplainedStructure => {
-            "look below at what the residual correlates with, and record again with that quantity measured or varied."
-        }
-        Verdict::NotIdentifiable => "measure what is proposed below: it distinguishes the candidates.",
-        Verdict::TooLittleData => "record again, with more rows and with some of them repeated.",
-        Verdict::WrongModelOrLog => "correct the model or the log, and diagnose again.",
     }
 }
 
