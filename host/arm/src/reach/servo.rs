@@ -58,10 +58,18 @@ struct Angles {
 
 /// The nearest words at the best angles of the servos; those of `options` are not read.
 ///
+/// `go_on` hears how many boxes were looked at; where it says no, the search ends with what is found and proven.
+///
 /// # Errors
 ///
 /// As [`Index::new`], at some angles of the servos.
-pub fn with_servos(arm: &Arm, query: &Query<'_>, options: &Options, gap: &Gap) -> Result<WithServos, ReachError> {
+pub fn with_servos(
+    arm: &Arm,
+    query: &Query<'_>,
+    options: &Options,
+    gap: &Gap,
+    mut go_on: impl FnMut(usize) -> bool,
+) -> Result<WithServos, ReachError> {
     let &Query { target, count, forbidden } = query;
     let at = |servos: &[f64]| Index::new(arm, &Options { servos_rad: servos.to_vec(), ..options.clone() });
     let growth = growth_per_rad(arm, options.length_scale_m);
@@ -76,7 +84,7 @@ pub fn with_servos(arm: &Arm, query: &Query<'_>, options: &Options, gap: &Gap) -
     while let Some(angles) = open.pop() {
         lower_bound_m = angles.bound_m;
         let best_m = found.as_ref().map_or(f64::INFINITY, |(best_m, _)| *best_m);
-        if lower_bound_m >= best_m - gap.gap_m || boxes >= gap.max_boxes {
+        if lower_bound_m >= best_m - gap.gap_m || boxes >= gap.max_boxes || !go_on(boxes) {
             break;
         }
         boxes += 1;
@@ -173,6 +181,7 @@ mod tests {
             &Query { target: &target, count: 1, forbidden: &[] },
             &Options::of(&arm),
             &Gap::of_m(0.02),
+            |_| true,
         )
         .unwrap();
         assert!(found.nearest[0].distance_m - found.lower_bound_m <= 0.02, "{found:?}");

@@ -163,7 +163,7 @@ impl Nearest {
         } else {
             let (mut gap_near, mut lower_m) = (None, None);
             if let Some(gap) = self.gap {
-                let found = with_servos(arm, &query, &options, &Gap::of_m(1e-3 * gap))?;
+                let found = with_servos(arm, &query, &options, &Gap::of_m(1e-3 * gap), |_| true)?;
                 options.servos_rad = found.servos_rad;
                 (gap_near, lower_m) = (Some(found.nearest), Some(found.lower_bound_m));
             }

@@ -13,6 +13,7 @@ mod pattern;
 mod seeker;
 
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use darm_core::se::Pose;
 use darm_core::units::Word;
@@ -129,25 +130,40 @@ impl Index {
     /// First each head looks into one leaf, which gives a bound and how far the leaf extends around the wanted pose.
     /// Then those heads search whose leaf does not extend as far as the bound. All cores share the heads and the bound.
     pub fn nearest(&self, target: &Pose<f64>, count: usize, forbidden: &[Pattern]) -> Vec<Near> {
+        self.nearest_while(&Query { target, count, forbidden }, || true).unwrap_or_default()
+    }
+
+    /// The same; `None` where `go_on` says no before the search has ended. It is called for every frame of the outer stages.
+    pub fn nearest_while(&self, query: &Query<'_>, go_on: impl Fn() -> bool + Sync) -> Option<Vec<Near>> {
+        let &Query { target, count, forbidden } = query;
         let nearest = Nearest { count, forbidden, best: Vec::with_capacity(count + 1) };
         if count == 0 {
-            return nearest.best;
+            return Some(nearest.best);
         }
         let shared = Shared::new(nearest);
+        let is_given_up = AtomicBool::new(false);
+        let goes_on = || {
+            let goes_on = go_on();
+            is_given_up.fetch_or(!goes_on, Ordering::Relaxed);
+            goes_on
+        };
         let outer = || (0..self.outer.len()).into_par_iter();
         let glance = |outer: usize| {
-            let wanted = self.wanted(outer, target);
+            let wanted = if goes_on() { self.wanted(outer, target) } else { Vec::new() };
             let free = self.tails.glance(&wanted, |inner| self.head(outer, inner), &mut &shared);
             (wanted, free)
         };
         let glanced: Vec<_> = outer().map(glance).collect();
         outer().zip(glanced).for_each(|(outer, (wanted, free))| {
+            if !goes_on() {
+                return;
+            }
             let reach = self.tails.square(shared.reach_m());
             let left: Vec<usize> = (0..wanted.len()).filter(|&inner| free[inner] <= reach).collect();
             let wanted: Vec<_> = left.iter().map(|&inner| wanted[inner]).collect();
             self.tails.search(&wanted, |k| self.head(outer, left[k]), &mut &shared);
         });
-        shared.into_best()
+        (!is_given_up.into_inner()).then(|| shared.into_best())
     }
 
     /// Of the words no further than `tolerance_m` from `target` the one that switches the fewest actuators coming from

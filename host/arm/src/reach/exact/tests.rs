@@ -8,7 +8,7 @@ use darm_core::units::Word;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
-use super::{Index, NoPattern, Options, Pattern, switches, words_to_choose_from};
+use super::{Index, NoPattern, Options, Pattern, Query, switches, words_to_choose_from};
 use crate::arm::Arm;
 use crate::reach::frames;
 
@@ -51,6 +51,16 @@ fn by_trying_all(arm: &Arm, target: &Pose<f64>, length_scale_m: f64) -> Vec<(f64
 fn random_target(random: &mut ChaCha8Rng) -> Pose<f64> {
     let mut vector = |size: f64| darm_core::real::Vec3::from_fn(|_, _| random.random_range(-size..size));
     Pose::new(&vector(2.0), vector(3.0))
+}
+
+#[test]
+fn a_search_that_is_given_up_has_no_answer() {
+    let arm = planar4();
+    let index = Index::new(&arm, &Options::of(&arm)).unwrap();
+    let target = Pose::identity();
+    let query = Query { target: &target, count: 1, forbidden: &[] };
+    assert_eq!(index.nearest_while(&query, || false), None);
+    assert_eq!(index.nearest_while(&query, || true), Some(index.nearest(&target, 1, &[])));
 }
 
 #[test]
