@@ -1,5 +1,5 @@
-//! What is missing on a fresh machine: the chip's target for the pinned toolchain, and an emulator that knows the
-//! board.
+//! What is missing on a fresh machine: the chip's target for the pinned toolchain, an emulator that knows the
+//! board, a browser.
 //!
 //! Nothing is done twice: each part first looks whether it is there.
 
@@ -114,6 +114,23 @@ fn install_emulator() -> Result<()> {
     step::run("installing qemu-system-arm (about 15 s)", &mut install, Duration::from_secs(600), BY_HAND)
 }
 
+/// Finds the browser that the live page is tested in, with its driver, or installs both from the distribution.
+///
+/// # Errors
+///
+/// They are missing and cannot be installed here.
+pub fn browser() -> Result<()> {
+    if has("chromium") && has("chromedriver") {
+        return Ok(());
+    }
+    install(&["chromium", "chromium-driver"], "install Chromium and chromedriver yourself")
+}
+
+/// Whether a program of this name can be started.
+fn has(program: &str) -> bool {
+    Command::new(program).arg("--version").stdin(Stdio::null()).output().is_ok_and(|output| output.status.success())
+}
+
 /// Where the emulator of the Pico is installed: Node.js looks for packages there.
 pub fn pico_emulator_folder() -> PathBuf {
     target().join("pico-emulator")
@@ -134,9 +151,6 @@ pub fn pico_emulator() -> Emulator {
 const NODE_BY_HAND: &str = "install Node.js 18 or newer with npm yourself";
 
 fn install_pico_emulator(folder: &Path, is_there: bool) -> Result<()> {
-    let has = |program: &str| {
-        Command::new(program).arg("--version").stdin(Stdio::null()).output().is_ok_and(|output| output.status.success())
-    };
     if !has("node") || !is_there && !has("npm") {
         install(&["nodejs", "npm"], NODE_BY_HAND)?;
     }

@@ -1,5 +1,6 @@
 //! All tests: what lands is what passes here.
 
+use std::env;
 use std::process::Command;
 use std::time::Instant;
 
@@ -49,6 +50,7 @@ impl Test {
     fn all(&self) -> Result<()> {
         setup::rust()?;
         let has_emulator = self.has_emulator()?;
+        let has_browser = has_browser()?;
         cargo(&["fmt", "--all", "--check"])?;
         cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"])?;
         for board in Board::ALL {
@@ -65,6 +67,9 @@ impl Test {
         let mut tests = command(&["test", "--workspace"]);
         if has_emulator {
             tests.env("DARM_EMULATOR_REQUIRED", "1");
+        }
+        if has_browser {
+            tests.env("DARM_BROWSER_REQUIRED", "1");
         }
         run(tests)?;
         cargo(&["doc", "--workspace", "--no-deps"])
@@ -83,6 +88,16 @@ impl Test {
         }
         Ok(true)
     }
+}
+
+/// False where there is no browser to test the live page in, and this is not CI.
+fn has_browser() -> Result<bool> {
+    let Err(why) = setup::browser() else { return Ok(true) };
+    if env::var_os("CI").is_some_and(|value| !value.is_empty()) {
+        return Err(why.context("there is no browser, and CI tests the live page in one"));
+    }
+    eprintln!("NO BROWSER: the tests of the live page in one are left out. {why:#}");
+    Ok(false)
 }
 
 fn quick() -> Result<()> {
