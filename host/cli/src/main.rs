@@ -13,7 +13,6 @@ mod output_file;
 mod port;
 mod state_folder;
 mod ui;
-mod visits;
 
 use std::process::ExitCode;
 

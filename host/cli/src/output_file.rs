@@ -9,7 +9,7 @@ use anyhow::Context as _;
 use darm_arm::table_file;
 use darm_diagnose::measurement;
 
-use crate::visits;
+use darm_diagnose::visits;
 
 /// Number of bytes that decide the kind of a file.
 const HEAD_BYTES: u64 = 512;

@@ -35,3 +35,5 @@ pub mod report;
 pub mod select;
 
 pub mod truth;
+pub mod visit_table;
+pub mod visits;

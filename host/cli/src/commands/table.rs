@@ -5,13 +5,14 @@ mod show;
 use std::path::{Path, PathBuf};
 
 use darm_arm::arm::{Arm, frames};
-use darm_arm::board_profile::{BoardProfile, longest_on_s};
-use darm_arm::plan::{Plan, Visit, plan, plan_with_rests};
+use darm_arm::board_profile::BoardProfile;
+use darm_arm::plan::{Plan, Visit};
 use darm_arm::reach::board;
 use darm_arm::wired_arm::WiredArm;
-use darm_core::output::Drive;
 use darm_core::units::{DeviceId, Word};
 use darm_diagnose::measurement_plan;
+use darm_diagnose::visit_table::{MEASUREMENT_DWELL_S, PlannedVisit, VisitTable, default_dwell_s, measurement_visits};
+use darm_diagnose::visits::Visits;
 use serde::Serialize;
 
 use super::servos::ServoArgs;
@@ -19,7 +20,6 @@ use crate::failure::Usage;
 use crate::output_file;
 use crate::port::PortArgs;
 use crate::ui::{Answer, Ui, columns};
-use crate::visits::{Rest, Visits};
 use darm_arm::table_file::{self, visits_file};
 
 const EXAMPLES: &str = "\
@@ -36,14 +36,6 @@ out; `darm record` reads it. Both files carry the digest of the table.";
 
 /// Rows that are shown without --all.
 const SHOWN: usize = 12;
-/// Default rest at a frame or word, where the limits allow it.
-const DWELL_S: f64 = 1.0;
-/// Where they do not: share of the longest on-time; the remainder is for travel and the next visit.
-const DWELL_SHARE: f64 = 0.5;
-/// Tolerance of angles in single precision.
-const ROUNDING_RAD: f32 = 1e-5;
-/// Default rest at a word of a measurement plan: long enough for eight camera frames.
-const MEASUREMENT_DWELL_S: f64 = 0.2;
 
 /// Make a table of timed rows from frames, words or a measurement plan, checked against the limits
 #[derive(clap::Args, Debug)]
@@ -96,28 +88,6 @@ pub(crate) struct Table {
     port: PortArgs,
 }
 
-/// A visit and whether it is held out.
-struct PlannedVisit {
-    visit: Visit,
-    held_out: bool,
-}
-
-/// A row would move a servo out of the range of the board's profile.
-#[derive(Debug, thiserror::Error)]
-#[error(
-    "row {row}, word {word}: servo {servo} ({name}) would go to {angle_deg:.1} deg, but the profile allows {min_deg:.1} to \
-     {max_deg:.1} deg without a zero offset; choose an angle within the range, or correct the range in the profile"
-)]
-struct ServoError {
-    row: usize,
-    word: Word,
-    servo: usize,
-    name: String,
-    angle_deg: f32,
-    min_deg: f32,
-    max_deg: f32,
-}
-
 #[derive(Serialize)]
 struct Made {
     file: PathBuf,
@@ -163,13 +133,11 @@ impl Table {
         let WiredArm { arm, profile, .. } = WiredArm::read(arm, self.profile.as_deref())?;
         let planned = self.planned_visits(&arm, &profile, ui)?;
         let device = if self.bind { Some(self.port.connect()?.identity().device) } else { None };
-        let visits: Vec<Visit> = planned.iter().map(|planned| planned.visit.clone()).collect();
         let modules = if self.nearest { board::records(&arm)? } else { Vec::new() };
         // A program of frames or words goes from one to the next; a measurement plan may rest between.
-        let make = if self.measurement_plan { plan_with_rests } else { plan };
-        let plan = make(&arm, &visits, &profile.board(device), &modules)?;
-        let file = visits_of(&arm, &planned, &plan);
-        check_servos(&arm, &profile, &plan)?;
+        let may_rest = self.measurement_plan;
+        let table = VisitTable { arm: &arm, profile: &profile, device, modules: &modules, may_rest };
+        let (plan, file) = table.of(&planned)?;
         let (image, text) = (table_file::bytes(&plan.image), file.to_text());
         output_file::write_all(&[(output, &image), (&visits_file(output), text.as_bytes())])?;
         ui.print(&self.report(output, &file, &plan, device))
@@ -195,20 +163,9 @@ impl Table {
             seed: self.seed,
             ..measurement_plan::Options::default()
         };
-        let steps = measurement_plan::plan(arm, &options);
+        let visits = measurement_visits(arm, &options, self.dwell.unwrap_or(MEASUREMENT_DWELL_S));
         spinner.finish_and_clear();
-        steps.into_iter().enumerate().map(|(number, step)| self.planned_visit(number, step)).collect()
-    }
-
-    /// The visit with this number, for a step of a measurement plan.
-    fn planned_visit(&self, number: usize, step: measurement_plan::Step) -> PlannedVisit {
-        let visit = Visit {
-            word: step.word,
-            servos_rad: step.servos_rad,
-            dwell_s: self.dwell.unwrap_or(MEASUREMENT_DWELL_S),
-            label: format!("visit {number}"),
-        };
-        PlannedVisit { held_out: step.held_out, visit }
+        visits
     }
 
     fn word_visit(&self, arm: &Arm, text: &str, dwell_s: f64) -> Result<PlannedVisit, Usage> {
@@ -255,53 +212,6 @@ fn frame_visits(arm: &Arm, path: &Path, dwell_s: f64) -> Result<Vec<PlannedVisit
         PlannedVisit { visit: Visit { word, servos_rad, dwell_s, label: frame.name }, held_out: false }
     };
     Ok(frames::read(path, arm)?.into_iter().map(visit).collect())
-}
-
-/// The default dwell, shorter where an output of the arm must not be on for that time.
-fn default_dwell_s(arm: &Arm, profile: &BoardProfile) -> f64 {
-    let outputs = arm.connections.iter().flat_map(|connection| &connection.outputs);
-    let limits = outputs.filter_map(|&number| profile.profile.output(number));
-    let holds = limits.filter(|output| !matches!(output.drive, Drive::Latch { .. }));
-    let longest_s = holds.map(|output| longest_on_s(&output.limit));
-    longest_s.map(|longest_s| DWELL_SHARE * longest_s).fold(DWELL_S, f64::min)
-}
-
-fn visits_of(arm: &Arm, planned: &[PlannedVisit], plan: &Plan) -> Visits {
-    let mut previous = arm.rest();
-    let rests = planned.iter().zip(&plan.windows).zip(&plan.rested).map(|((planned, &(from, to)), &rested)| {
-        previous = if rested { arm.rest() } else { previous };
-        let row = plan.rows.iter().rposition(|row| row.at < from).expect("the arm comes to rest after a row");
-        let rest = Rest {
-            label: planned.visit.label.clone(),
-            from_s: from.0 as f64 * 1e-6,
-            to_s: to.0 as f64 * 1e-6,
-            row: row as u16,
-            word: planned.visit.word,
-            previous,
-            servos_rad: planned.visit.servos_rad.clone(),
-            held_out: planned.held_out,
-        };
-        previous = rest.word;
-        rest
-    });
-    let table = plan.image.image().digest;
-    Visits { model: arm.hash(), geometry: arm.geometry_hash(), table, rests: rests.collect() }
-}
-
-/// Rejects rows that move a servo out of the profile's range, which the board checks when it plays them. The range is
-/// that of the shaft; without a zero offset in the servo it is also that of the joint.
-fn check_servos(arm: &Arm, profile: &BoardProfile, plan: &Plan) -> Result<(), ServoError> {
-    for (index, row) in plan.rows.iter().enumerate() {
-        for (number, (&angle_rad, servo)) in row.servos.iter().zip(&profile.profile.servos).enumerate() {
-            let (min_rad, max_rad) = (servo.limit.min_rad, servo.limit.max_rad);
-            if angle_rad < min_rad - ROUNDING_RAD || angle_rad > max_rad + ROUNDING_RAD {
-                let [angle_deg, min_deg, max_deg] = [angle_rad, min_rad, max_rad].map(f32::to_degrees);
-                let (word, name) = (row.word, arm.servo_name(number));
-                return Err(ServoError { row: index, word, servo: number, name, angle_deg, min_deg, max_deg });
-            }
-        }
-    }
-    Ok(())
 }
 
 impl Answer for Made {

@@ -5,7 +5,7 @@ use darm_core::se::{Pose, Twist};
 use darm_diagnose::measurement::Sample;
 
 use crate::commands::camera::{BAR, Picture};
-use crate::visits::Rest;
+use darm_diagnose::visits::Rest;
 
 /// Time span in which the arm certainly rested at a visit, on the camera's clock.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,7 +69,7 @@ mod tests {
 
     use super::{Span, join};
     use crate::commands::camera::Picture;
-    use crate::visits::Rest;
+    use darm_diagnose::visits::Rest;
 
     fn rest(from_s: f64, to_s: f64) -> Rest {
         let word = "01".parse().unwrap();

@@ -12,7 +12,7 @@ use super::source::{Camera, CameraError};
 use super::visit_tracker::VisitTracker;
 use crate::commands::camera::unix_less_host_s;
 use crate::commands::play::End;
-use crate::visits::Visits;
+use darm_diagnose::visits::Visits;
 
 /// Largest delay of a camera measurement.
 const CAMERA_DELAY_S: f64 = 2.0;

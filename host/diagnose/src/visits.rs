@@ -22,46 +22,46 @@ use std::path::{Path, PathBuf};
 use darm_core::units::{Digest, ModelHash, Word};
 use darm_robot::csv_table::{CsvError, CsvRow, CsvTable};
 
+use crate::measurement::csv_text::csv_text;
 use darm_arm::table_file::digest;
-use darm_diagnose::measurement::csv_text::csv_text;
 
 /// One rest of a program.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Rest {
+pub struct Rest {
     /// Its name.
-    pub(crate) label: String,
-    /// From when, in seconds after the start.
-    pub(crate) from_s: f64,
-    /// To when.
-    pub(crate) to_s: f64,
+    pub label: String,
+    /// From when, s after the start.
+    pub from_s: f64,
+    /// To when, s.
+    pub to_s: f64,
     /// The row that completes the word.
-    pub(crate) row: u16,
+    pub row: u16,
     /// The word.
-    pub(crate) word: Word,
+    pub word: Word,
     /// The word of the visit before.
-    pub(crate) previous: Word,
-    /// Positions of the servo joints.
-    pub(crate) servos_rad: Vec<f64>,
+    pub previous: Word,
+    /// Positions of the servo joints, rad.
+    pub servos_rad: Vec<f64>,
     /// Whether it is held out.
-    pub(crate) held_out: bool,
+    pub held_out: bool,
 }
 
 /// A visit file.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Visits {
+pub struct Visits {
     /// The model that the table was made for.
-    pub(crate) model: ModelHash,
+    pub model: ModelHash,
     /// The same model without its effects.
-    pub(crate) geometry: ModelHash,
+    pub geometry: ModelHash,
     /// The table.
-    pub(crate) table: Digest,
+    pub table: Digest,
     /// In order of time.
-    pub(crate) rests: Vec<Rest>,
+    pub rests: Vec<Rest>,
 }
 
 /// Why a visit file cannot be read.
 #[derive(Debug, thiserror::Error)]
-pub(crate) enum VisitsError {
+pub enum VisitsError {
     /// The file cannot be read.
     #[error("{path}: cannot be read: {source}; `darm table` writes it together with the table")]
     Read {
@@ -86,7 +86,7 @@ pub(crate) enum VisitsError {
 }
 
 /// Beginning of the header.
-pub(crate) const HEADER: &str = "visit,label,from_s,to_s,";
+pub const HEADER: &str = "visit,label,from_s,to_s,";
 const MODEL: &str = "# model ";
 const TABLE: &str = "# table ";
 const GEOMETRY: &str = "# geometry ";
@@ -111,7 +111,7 @@ impl Rest {
 
 impl Visits {
     /// The text of the file.
-    pub(crate) fn to_text(&self) -> String {
+    pub fn to_text(&self) -> String {
         let n_servos = self.rests.first().map_or(0, |rest| rest.servos_rad.len());
         let columns = HEADER.split_terminator(',').chain(["row", "word", "previous"]).map(str::to_owned);
         let servos = (0..n_servos).map(|number| format!("servo{number}_deg"));
@@ -123,7 +123,11 @@ impl Visits {
     }
 
     /// Reads the file.
-    pub(crate) fn read(path: &Path) -> Result<Self, VisitsError> {
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be read, or a line of it is none of a visit file.
+    pub fn read(path: &Path) -> Result<Self, VisitsError> {
         let text = std::fs::read_to_string(path).map_err(|source| VisitsError::Read { path: path.into(), source })?;
         Self::parse(path, &text)
     }
