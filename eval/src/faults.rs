@@ -1,4 +1,4 @@
-//! Hostile runs: power cuts in the emulator, damaged frames and lines on the PC, a port that another program holds. The tests run them short, this runs them long.
+//! Hostile runs: power cuts in the emulator, damaged frames and lines on the PC, a port that another program holds, a live page that is killed. The tests run them short, this runs them long.
 
 use std::process::Command;
 use std::time::Duration;
@@ -14,7 +14,7 @@ use xtask::step;
 
 const BUILD_LIMIT: Duration = Duration::from_secs(1800);
 
-/// Cuts the power at seeded moments, sends damaged frames, stops through a port that is held; prints the counts
+/// Cuts the power at seeded moments, sends damaged frames, stops through a port that is held, kills the live page; prints the counts
 #[derive(clap::Args)]
 pub(crate) struct Faults {
     #[command(flatten)]
@@ -39,6 +39,9 @@ pub(crate) struct Job {
     /// its longest control tick, stack, sizes and upload rate too
     #[arg(long, value_name = "COUNT")]
     pico: Option<u64>,
+    /// Kill `darm serve` this many times while tables are played, and look whether its history has every run that ended
+    #[arg(long, value_name = "COUNT")]
+    serve: Option<u64>,
 }
 
 /// A test that injects faults, as often as a variable says.
@@ -76,6 +79,13 @@ const PICO: Injection = Injection {
     batch: u64::MAX,
 };
 
+const SERVE: Injection = Injection {
+    name: "serve",
+    arguments: &["--package", "darm", "--test", "cli", "serve_kills"],
+    variable: "DARM_SERVE_KILLS",
+    batch: 50,
+};
+
 /// Part of an injection.
 pub(crate) struct Item {
     injection: &'static Injection,
@@ -94,7 +104,7 @@ pub(crate) struct Row {
 impl Faults {
     pub(crate) fn run(&self) -> Result<()> {
         if self.job.parts().is_empty() {
-            bail!("nothing to do: give --kills COUNT, --frames COUNT, --stops COUNT or --pico COUNT");
+            bail!("nothing to do: give --kills, --frames, --stops, --pico or --serve, each with a COUNT");
         }
         items::run(&self.job, &self.spread)
     }
@@ -102,7 +112,13 @@ impl Faults {
 
 impl Job {
     fn parts(&self) -> Vec<Item> {
-        let injections = [(&KILLS, self.kills), (&FRAMES, self.frames), (&STOPS, self.stops), (&PICO, self.pico)];
+        let injections = [
+            (&KILLS, self.kills),
+            (&FRAMES, self.frames),
+            (&STOPS, self.stops),
+            (&PICO, self.pico),
+            (&SERVE, self.serve),
+        ];
         let of = |(injection, count): (&'static Injection, Option<u64>)| {
             let (count, batch) = (count.unwrap_or(0), injection.batch);
             (0..count.div_ceil(batch)).map(move |k| Item { injection, seed: k, count: batch.min(count - k * batch) })
@@ -206,13 +222,13 @@ mod tests {
 
     use super::{Job, Row, row};
 
-    const JOB: Job = Job { kills: Some(120), frames: None, stops: Some(20), pico: None };
+    const JOB: Job = Job { kills: Some(120), frames: None, stops: Some(20), pico: None, serve: Some(60) };
 
     #[test]
     fn faults_are_split_into_seeded_parts_that_add_up() {
-        assert_eq!(JOB.items().unwrap(), ["kills 0", "kills 1", "kills 2", "stops 0"]);
+        assert_eq!(JOB.items().unwrap(), ["kills 0", "kills 1", "kills 2", "stops 0", "serve 0", "serve 1"]);
         let parts = JOB.parts();
-        assert_eq!(parts.iter().map(|part| part.count).collect::<Vec<_>>(), [50, 50, 20, 20]);
+        assert_eq!(parts.iter().map(|part| part.count).collect::<Vec<_>>(), [50, 50, 20, 20, 50, 10]);
     }
 
     #[test]

@@ -20,9 +20,10 @@ const styles = () => {
 const RADIUS = { link: 0.9, plate: 0.9, contracted: 1.1, extended: 1.1, revolute: 1.6, prismatic: 1.6, x: 0.6, y: 0.6, z: 0.6 };
 
 export class ArmPicture {
-  // Throws where the browser has no WebGL.
-  constructor(canvas) {
+  // Throws where the browser has no WebGL. Without `turnsByKeys` the arrow keys are left to others.
+  constructor(canvas, { turnsByKeys = true } = {}) {
     this.canvas = canvas;
+    this.turnsByKeys = turnsByKeys;
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
     this.scene = new THREE.Scene();
     this.scene.add(new THREE.HemisphereLight(0xffffff, 0x888888, 2.2));
@@ -35,12 +36,16 @@ export class ArmPicture {
     this.scene.add(this.arm, this.tool);
     this.rod = new THREE.CylinderGeometry(1, 1, 1, 12);
     this.torus = new THREE.TorusGeometry(1.9, 0.7, 8, 16);
-    this.controls = new OrbitControls(this.camera, canvas);
-    this.controls.enableDamping = false;
-    this.controls.listenToKeyEvents(canvas);
-    this.controls.addEventListener('change', () => this.draw());
+    this.listen();
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement);
     matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => this.show(this.picture));
+  }
+
+  listen() {
+    this.controls = new OrbitControls(this.camera, this.canvas);
+    this.controls.enableDamping = false;
+    if (this.turnsByKeys) this.controls.listenToKeyEvents(this.canvas);
+    this.controls.addEventListener('change', () => this.draw());
   }
 
   show(picture) {
@@ -112,10 +117,8 @@ export class ArmPicture {
     this.camera.position.copy(middle).addScaledVector(direction, distance);
     // The direction that points up is read when the controls are made.
     this.controls.dispose();
-    this.controls = new OrbitControls(this.camera, this.canvas);
+    this.listen();
     this.controls.target.copy(middle);
-    this.controls.listenToKeyEvents(this.canvas);
-    this.controls.addEventListener('change', () => this.draw());
     this.controls.update();
     this.resize();
   }

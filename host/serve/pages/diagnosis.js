@@ -2,7 +2,7 @@
 
 import { get, post } from './server.js';
 import { follow } from './frame.js';
-import { byId, make, save, setText } from './format.js';
+import { byId, make, save, seconds, setText } from './format.js';
 import { Zoom } from './zoom.js';
 
 const STAGES = {
@@ -137,21 +137,27 @@ function show(shown) {
   for (const svg of byId('result').querySelectorAll('svg[role="img"]')) new Zoom(svg, headingOf(svg));
   byId('write').disabled = !result.corrected;
   setText(byId('write'), result.corrected ? `Write model ${result.corrected.number}` : 'No corrected model');
-  byId('commands').replaceChildren(...result.commands.flatMap(commandParts));
+  byId('words').hidden = result.n_words === 0;
+  byId('plan').hidden = !result.has_plan;
   setText(byId('actions-note'), '');
 }
 
-function commandParts({ title, line }) {
-  const copy = make('button', { type: 'button', className: 'small', ariaLabel: `Copy the command: ${title}` }, 'Copy');
-  copy.addEventListener('click', async () => {
-    try {
-      await navigator.clipboard.writeText(line);
-      setText(byId('actions-note'), 'Copied the command: paste it in a shell beside the files.');
-    } catch {
-      setText(byId('actions-note'), 'This browser does not let the page copy: mark the command and copy it.');
-    }
-  });
-  return [make('dt', {}, title), make('dd', {}, make('code', {}, line), ' ', copy)];
+// The table for the board of this server, and its visit file for `darm record`.
+async function makeTable(button, of) {
+  setText(byId('actions-note'), 'Making the table …');
+  button.disabled = true;
+  try {
+    const made = await post('/api/diagnosis/table', { result: result.number, of });
+    const bytes = Uint8Array.from(made.table.match(/../g), (digits) => parseInt(digits, 16));
+    save(made.name, bytes, 'application/octet-stream');
+    save(made.visits_name, made.visits, 'text/csv');
+    byId('actions-note').replaceChildren(
+      `Wrote ${made.name} and ${made.visits_name} to the downloads of this browser: ${made.n_visits} visits in ${seconds(made.end_s)}. The table is open on the page `,
+      make('a', { href: '/program' }, 'Program'), '; upload it there, then record it with ', make('code', {}, `darm record ${made.name}`), '.');
+  } catch (error) {
+    setText(byId('actions-note'), error.message);
+  }
+  button.disabled = false;
 }
 
 function headingOf(element) {
@@ -159,6 +165,8 @@ function headingOf(element) {
   const before = headings.filter((heading) => heading.compareDocumentPosition(element) & Node.DOCUMENT_POSITION_FOLLOWING);
   return before.at(-1)?.textContent ?? '';
 }
+
+for (const of of ['words', 'plan']) byId(of).addEventListener('click', () => makeTable(byId(of), of));
 
 byId('write').addEventListener('click', () => {
   const { name, text } = result.corrected;

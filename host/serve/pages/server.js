@@ -30,6 +30,7 @@ async function request(path, options, timeoutMs, given) {
   } catch {
     throw new Refusal({ kind: 'server', text: 'darm serve does not answer' });
   }
+  if (answer.ok && options.asBytes) return answer.arrayBuffer();
   let body = null;
   try {
     body = await answer.json();
@@ -42,6 +43,11 @@ async function request(path, options, timeoutMs, given) {
 
 export function get(path, timeoutMs = 2000) {
   return request(path, { method: 'GET' }, timeoutMs);
+}
+
+// A file: it may be large.
+export function getBytes(path) {
+  return request(path, { method: 'GET', asBytes: true }, 60_000);
 }
 
 // A request whose `signal` is aborted is given up, by the server too.

@@ -1,5 +1,6 @@
 // A plot that can be enlarged and moved: buttons, the keys + − 0 and the arrows, drag, and the wheel together with Ctrl.
 
+import { Axes } from './axes.js';
 import { make } from './format.js';
 
 const STEP = 1.5;
@@ -8,9 +9,9 @@ const MOVE = 0.15;
 
 export class Zoom {
   constructor(svg, name) {
-    const [width, height] = ['width', 'height'].map((key) => Number(svg.getAttribute(key)));
     this.svg = svg;
-    this.full = { width, height };
+    this.axes = new Axes(svg);
+    this.full = this.axes.plane;
     this.view = { x: 0, y: 0, factor: 1 };
     svg.setAttribute('aria-label', `Plot: ${name}`);
     const button = (text, label, act) => {
@@ -20,7 +21,7 @@ export class Zoom {
     };
     this.buttons = [
       button('+', 'Enlarge', () => this.by(STEP)), button('−', 'Reduce', () => this.by(1 / STEP)),
-      button('1:1', 'Whole plot', () => this.reset()),
+      button('1:1', '1:1, whole plot', () => this.reset()),
     ];
     this.frame = make('div', { className: 'plot', tabIndex: 0, role: 'group', ariaLabel: `Plot: ${name}; keys + − 0 and arrows` });
     svg.replaceWith(this.frame);
@@ -44,8 +45,8 @@ export class Zoom {
     });
     this.svg.addEventListener('pointermove', (event) => {
       if (!last) return;
-      const { width, height } = this.svg.getBoundingClientRect();
-      this.move((last.clientX - event.clientX) / width, (last.clientY - event.clientY) / height);
+      const [from, to] = [this.at(last), this.at(event)];
+      this.move(from[0] - to[0], from[1] - to[1]);
       last = event;
     });
     for (const type of ['pointerup', 'pointercancel']) this.svg.addEventListener(type, () => { last = null; });
@@ -63,10 +64,12 @@ export class Zoom {
     acts[event.key]();
   }
 
-  // Where the pointer is, as shares of the plot as it is seen.
+  // Where the pointer is, as shares of the plane as it is seen.
   at(event) {
-    const { left, top, width, height } = this.svg.getBoundingClientRect();
-    return [(event.clientX - left) / width, (event.clientY - top) / height];
+    const { left, top, width } = this.svg.getBoundingClientRect();
+    const pixel = Number(this.svg.getAttribute('width')) / width;
+    const at = [(event.clientX - left) * pixel - this.full.left, (event.clientY - top) * pixel - this.full.top];
+    return [at[0] / this.full.width, at[1] / this.full.height];
   }
 
   by(ratio, [x, y] = [0.5, 0.5]) {
@@ -94,7 +97,7 @@ export class Zoom {
     const [width, height] = [full.width / view.factor, full.height / view.factor];
     view.x = Math.min(Math.max(view.x, 0), full.width - width);
     view.y = Math.min(Math.max(view.y, 0), full.height - height);
-    this.svg.setAttribute('viewBox', `${view.x} ${view.y} ${width} ${height}`);
+    this.axes.show(view);
     this.frame.classList.toggle('enlarged', view.factor > 1);
     const [, reduce, whole] = this.buttons;
     reduce.disabled = whole.disabled = view.factor === 1;

@@ -26,7 +26,7 @@ macro_rules! asset {
 }
 
 /// All of them.
-pub const ASSETS: [Asset; 15] = [
+pub const ASSETS: [Asset; 20] = [
     asset!("/style.css", "text/css; charset=utf-8", "../pages/style.css"),
     asset!("/icon.svg", "image/svg+xml", "../pages/icon.svg"),
     asset!("/server.js", SCRIPT, "../pages/server.js"),
@@ -36,7 +36,12 @@ pub const ASSETS: [Asset; 15] = [
     asset!("/arm.js", SCRIPT, "../pages/arm.js"),
     asset!("/program.js", SCRIPT, "../pages/program.js"),
     asset!("/timeline.js", SCRIPT, "../pages/timeline.js"),
+    asset!("/reach.js", SCRIPT, "../pages/reach.js"),
+    asset!("/target.js", SCRIPT, "../pages/target.js"),
+    asset!("/density.js", SCRIPT, "../pages/density.js"),
     asset!("/diagnosis.js", SCRIPT, "../pages/diagnosis.js"),
+    asset!("/history.js", SCRIPT, "../pages/history.js"),
+    asset!("/axes.js", SCRIPT, "../pages/axes.js"),
     asset!("/zoom.js", SCRIPT, "../pages/zoom.js"),
     asset!("/vendor/three.module.min.js", SCRIPT, "../vendor/three/three.module.min.js"),
     asset!("/vendor/three.core.min.js", SCRIPT, "../vendor/three/three.core.min.js"),

@@ -4,8 +4,11 @@
 //! |----------------------------|-----------------------------------------------------------------------------------|
 //! | `GET /api/diagnosis`       | how far the running one is, and the number of the last result                     |
 //! | `GET /api/diagnosis/result`| the last result; `null` before the first                                          |
+//! | `POST /api/diagnosis/table`| makes and opens the table of the next measurement                                 |
 //! | `POST /api/diagnosis/run`  | diagnoses an [`Upload`]; the answer is the result. Without its page it is given up |
 
+mod record;
+mod table;
 mod view;
 
 use std::path::Path;
@@ -23,21 +26,29 @@ use darm_diagnose::files::{FileOptions, Files, FilesError, Subject};
 use darm_diagnose::progress::{Progress, Stage};
 use serde::Serialize;
 
+use crate::hub::Hub;
 use crate::refusal::{Kind, Refused};
+use crate::turn::Turn;
 use crate::upload::{MAX_FILES, Upload};
+use table::{Next, TableRequest, TableView};
 use view::{Corrected, ResultView};
 
 /// Seed of the cross-validation: that of `darm diagnose`.
 const SEED: u64 = 1;
 
 /// The diagnoses of a server.
-#[derive(Default)]
-struct Diagnoses(Mutex<Known>);
+struct Diagnoses {
+    known: Mutex<Known>,
+    hub: Arc<Hub>,
+    tables: Turn,
+}
 
 #[derive(Default)]
 struct Known {
     running: Option<Running>,
     last: Option<ResultView>,
+    /// What the next measurement of the last result is made from; none of a model that is no arm of words.
+    next: Option<Next>,
     n_finished: u64,
 }
 
@@ -66,12 +77,13 @@ struct StatusView {
 type Shared = State<Arc<Diagnoses>>;
 
 /// The requests about diagnoses.
-pub(crate) fn router() -> Router {
+pub(crate) fn router(hub: Arc<Hub>) -> Router {
     Router::new()
         .route("/api/diagnosis", get(status))
         .route("/api/diagnosis/result", get(result))
+        .route("/api/diagnosis/table", post(make_table))
         .route("/api/diagnosis/run", post(run).layer(DefaultBodyLimit::max(MAX_FILES)))
-        .with_state(Arc::<Diagnoses>::default())
+        .with_state(Arc::new(Diagnoses { known: Mutex::default(), hub, tables: Turn::new() }))
 }
 
 async fn status(State(diagnoses): Shared) -> Json<StatusView> {
@@ -102,6 +114,26 @@ async fn run(State(diagnoses): Shared, body: Bytes) -> Result<Json<ResultView>, 
     result.map_err(|error| Refused::new(Kind::Refused, format!("the diagnosis failed: {error}")))?.map(Json)
 }
 
+/// Opens the table too, as a page does with a file: nothing is sent to the board.
+async fn make_table(State(diagnoses): Shared, Json(request): Json<TableRequest>) -> Result<Json<TableView>, Refused> {
+    let next = {
+        let known = diagnoses.known();
+        known.next.clone().filter(|_| known.n_finished == request.result)
+    };
+    let next =
+        next.ok_or_else(|| Refused::new(Kind::Invalid, "another diagnosis ended meanwhile; open the page again"))?;
+    let hub = Arc::clone(&diagnoses.hub);
+    diagnoses.tables.run(move |_| open_table(&hub, request, &next)).await.map(Json)
+}
+
+fn open_table(hub: &Hub, request: TableRequest, next: &Next) -> Result<TableView, Refused> {
+    let no_board = "a table is made for the profile of the board; start the server with its arm";
+    let wired = hub.wired().ok_or_else(|| Refused::new(Kind::Invalid, no_board))?;
+    let (view, program) = request.make(next, &wired.profile)?;
+    hub.set_program(Arc::new(program));
+    Ok(view)
+}
+
 /// Gives a diagnosis up when it is dropped; one that is finished does not notice.
 struct GiveUp(Progress);
 
@@ -113,7 +145,7 @@ impl Drop for GiveUp {
 
 impl Diagnoses {
     fn known(&self) -> MutexGuard<'_, Known> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.known.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -151,9 +183,15 @@ impl Place {
         let number = found.write_corrected(&next, Keep::Effects).map_err(refused)?;
         let text = number.map(|_| std::fs::read_to_string(&next)).transpose().map_err(|error| unwritable(&error))?;
         let corrected = number.zip(text).map(|(number, text)| Corrected::new(&upload.model, number, text));
-        let result = ResultView::new(upload, &found, corrected);
+        let corrected_arm = found.corrected_arm(Keep::Effects);
+        let corrected_digest = corrected_arm.as_ref().map(|arm| arm.hash().to_string());
+        self.0.record(upload, &found, corrected.as_ref(), corrected_digest);
+        let words = found.diagnosis.next_measurement.as_ref().map_or_else(Vec::new, |next| next.words.clone());
+        let next = corrected_arm.or_else(|| found.arm().cloned()).map(|arm| Next { arm, words });
         let mut known = self.0.known();
         known.n_finished += 1;
+        let result = ResultView::new(upload, &found, corrected, known.n_finished);
+        known.next = next;
         known.last = Some(result.clone());
         Ok(result)
     }

@@ -13,6 +13,7 @@ use darm_device::link::LinkError;
 use tokio::sync::{oneshot, watch};
 
 use crate::control::{Control, ControlError};
+use crate::history::History;
 use crate::order::{Order, PATIENCE, Task};
 use crate::picture::Picture;
 use crate::program::Program;
@@ -29,6 +30,7 @@ pub struct Hub {
     port: String,
     stop_socket: Option<PathBuf>,
     wired: Option<WiredArm>,
+    history: Option<Arc<History>>,
     orders: Sender<Order>,
     state: Mutex<State>,
     /// Wakes pages that wait for news.
@@ -56,12 +58,13 @@ pub(crate) struct HubParts {
     pub(crate) port: String,
     pub(crate) stop_socket: Option<PathBuf>,
     pub(crate) wired: Option<WiredArm>,
+    pub(crate) history: Option<Arc<History>>,
     pub(crate) orders: Sender<Order>,
 }
 
 impl Hub {
     pub(crate) fn new(parts: HubParts) -> Self {
-        let HubParts { port, stop_socket, wired, orders } = parts;
+        let HubParts { port, stop_socket, wired, history, orders } = parts;
         let state = State {
             link: LinkView::Connecting,
             seen: None,
@@ -77,6 +80,7 @@ impl Hub {
             port,
             stop_socket,
             wired,
+            history,
             orders,
             state: Mutex::new(state),
             revision: watch::Sender::new(1),
@@ -88,6 +92,11 @@ impl Hub {
     /// The arm on its board, where one is known.
     pub fn wired(&self) -> Option<&WiredArm> {
         self.wired.as_ref()
+    }
+
+    /// Where what was seen is kept.
+    pub(crate) fn history(&self) -> Option<&Arc<History>> {
+        self.history.as_ref()
     }
 
     /// Stops the board, within [`STOP_BOUND`]: past the watcher where the port is open, else through the port itself. What was

@@ -1,6 +1,8 @@
 //! The pages: a frame with the stop in it, and what each page has inside.
 
 mod diagnosis;
+mod history;
+mod reach;
 
 use axum::response::Html;
 use maud::{DOCTYPE, Markup, html};
@@ -16,10 +18,12 @@ pub(crate) struct Page {
 }
 
 /// All of them, in the order of the navigation.
-pub(crate) const ALL: [Page; 3] = [
+pub(crate) const ALL: [Page; 5] = [
     Page { path: "/", name: "Live", script: "/live.js", main: live },
     Page { path: "/program", name: "Program", script: "/program.js", main: program },
+    Page { path: "/reach", name: "Reach", script: "/reach.js", main: reach::reach },
     Page { path: "/diagnosis", name: "Diagnosis", script: "/diagnosis.js", main: diagnosis::diagnosis },
+    Page { path: "/history", name: "History", script: "/history.js", main: history::history },
 ];
 
 impl Page {

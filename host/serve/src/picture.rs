@@ -2,7 +2,7 @@
 
 use darm_arm::arm::{Arm, ArmScratch};
 use darm_arm::draw::{Line, Scene};
-use darm_core::se::{Pose, rotation_log};
+use darm_core::se::{Pose, rotation_exp, rotation_log};
 use darm_core::units::Word;
 use serde::Serialize;
 
@@ -74,8 +74,14 @@ impl Picture {
 }
 
 impl Tool {
-    fn of(pose: &Pose<f64>) -> Self {
+    /// The same in other numbers.
+    pub fn of(pose: &Pose<f64>) -> Self {
         Self { position_m: pose.position.into(), rotation_rad: rotation_log(&pose.rotation).into() }
+    }
+
+    /// The pose in the base.
+    pub fn pose(&self) -> Pose<f64> {
+        Pose { position: self.position_m.into(), rotation: rotation_exp(&self.rotation_rad.into()) }
     }
 }
 

@@ -15,6 +15,7 @@ use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::serve::ListenerExt;
+use darm_arm::arm::Arm;
 use darm_arm::wired_arm::WiredArm;
 use darm_device::client::stop::StopHandle;
 use darm_device::link::{Link, LinkError};
@@ -22,10 +23,11 @@ use tokio::sync::oneshot;
 
 use crate::access::{Access, AccessError, Token};
 use crate::assets::ASSETS;
+use crate::history::{self, History, HistoryError, ModelEntry};
 use crate::hub::{Hub, HubParts};
 use crate::refusal::Refused;
 use crate::watcher::Watcher;
-use crate::{api, diagnosis, pages};
+use crate::{api, diagnosis, pages, reach};
 
 /// Largest body of a request: a table of 1024 rows has 60 kB.
 const MAX_BODY: usize = 1 << 18;
@@ -58,6 +60,8 @@ pub struct Config {
     pub board: BoardPort,
     /// The arm on it: without one there are no picture and no names.
     pub arm: Option<WiredArm>,
+    /// Where what is seen is kept, if it is.
+    pub history: Option<History>,
 }
 
 /// How the board is reached.
@@ -88,6 +92,9 @@ pub enum ServeError {
     /// A thread cannot start.
     #[error("cannot start the server: {0}")]
     Start(#[from] io::Error),
+    /// The history cannot be written.
+    #[error("{0}; choose another file with --history, or --history none")]
+    History(#[from] HistoryError),
 }
 
 /// A running server. It ends when it is dropped; the board does what it did, and a program on it continues.
@@ -103,16 +110,20 @@ impl Server {
     ///
     /// # Errors
     ///
-    /// The address is not loopback and there is no token, or it cannot be listened on.
+    /// The address is not loopback and there is no token, it cannot be listened on, or the history cannot be written.
     pub fn start(config: Config) -> Result<Self, ServeError> {
-        let Config { listen, names, token, board, arm } = config;
+        let Config { listen, names, token, board, arm, history } = config;
         let access = Access::new(listen, names, token)?;
         let listener = TcpListener::bind(listen).map_err(|source| ServeError::Listen { address: listen, source })?;
         let address = listener.local_addr()?;
         listener.set_nonblocking(true)?;
         let (orders, ordered) = channel();
         let BoardPort { name, stop_socket, open } = board;
-        let hub = Arc::new(Hub::new(HubParts { port: name, stop_socket, wired: arm, orders }));
+        let history = history.map(Arc::new);
+        if let (Some(history), Some(wired)) = (&history, &arm) {
+            add_arm(history, &wired.arm)?;
+        }
+        let hub = Arc::new(Hub::new(HubParts { port: name, stop_socket, wired: arm, history, orders }));
         let watcher = Watcher::new(Arc::clone(&hub), open, ordered);
         let (end, ended) = oneshot::channel();
         let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;
@@ -154,6 +165,13 @@ impl Drop for Server {
     }
 }
 
+/// Records the arm of the server.
+fn add_arm(history: &History, arm: &Arm) -> Result<(), HistoryError> {
+    let (digest, file, number) = (arm.hash().to_string(), arm.to_toml(), arm.model.number);
+    let model = ModelEntry { digest: &digest, name: &arm.name, number: Some(number), parent: None, file: &file };
+    history.add_model(&model, history::now_ms())
+}
+
 /// Answers requests until `ended` is sent or its sender is gone.
 async fn serve(listener: TcpListener, router: Router, ended: oneshot::Receiver<()>) -> io::Result<()> {
     let listener = tokio::net::TcpListener::from_std(listener)?.tap_io(|stream| {
@@ -165,6 +183,7 @@ async fn serve(listener: TcpListener, router: Router, ended: oneshot::Receiver<(
 }
 
 fn router(hub: Arc<Hub>, access: Access) -> Router {
+    let history = hub.history().cloned();
     let pages = pages::ALL
         .into_iter()
         .fold(Router::new(), |router, page| router.route(page.path, get(move || async move { page.html() })));
@@ -180,8 +199,10 @@ fn router(hub: Arc<Hub>, access: Access) -> Router {
         .route("/api/open", post(api::open))
         .route("/api/upload", post(api::upload))
         .route("/api/command", post(api::command))
-        .with_state(hub)
-        .merge(diagnosis::router())
+        .with_state(Arc::clone(&hub))
+        .merge(diagnosis::router(Arc::clone(&hub)))
+        .merge(history::router(history))
+        .merge(reach::router(hub))
         .layer(DefaultBodyLimit::max(MAX_BODY))
         .layer(middleware::from_fn_with_state(Arc::new(access), guard))
 }

@@ -83,6 +83,11 @@ impl<'a> Upload<'a> {
         Ok(Self { model, data, accepts_other_model: head.other_model, files })
     }
 
+    /// The bytes of a file that was sent; empty for another name.
+    pub fn bytes(&self, name: &str) -> &[u8] {
+        self.files.iter().find(|(own, _)| own == name).map_or(&[], |(_, bytes)| bytes)
+    }
+
     /// Writes the files into a folder; the paths of model and measurements.
     ///
     /// # Errors

@@ -6,12 +6,14 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
+use darm_arm::table_file::{self, TableFile};
 use darm_core::sequencer::Command;
 use darm_core::wire::message::Refusal;
 use darm_device::client::stop::StopHandle;
 use darm_device::client::{Client, ClientError};
 use darm_device::link::{Link, LinkError};
 
+use crate::history::{self, TableEntry};
 use crate::hub::Hub;
 use crate::order::{Order, Task};
 use crate::program::Program;
@@ -65,12 +67,12 @@ impl Watcher {
 
     /// Asks and sends until the port is lost; why it was.
     fn follow(&mut self, client: &mut Client) -> ClientError {
-        let mut observer = Observer::new(Arc::clone(&self.hub), client.hello());
+        let mut observer = Observer::new(Arc::clone(&self.hub), client);
         loop {
             let due = Instant::now() + PERIOD;
             match observer.look(client) {
                 Err(ClientError::Refused(Refusal::NotConnected)) => match self.say_hello(client) {
-                    Ok(()) => observer = Observer::new(Arc::clone(&self.hub), client.hello()),
+                    Ok(()) => observer = Observer::new(Arc::clone(&self.hub), client),
                     Err(error) => return error,
                 },
                 Err(error) => return error,
@@ -164,7 +166,21 @@ impl Watcher {
         });
         self.hub.set_upload(None);
         // The answer to hello names the table that the board has now.
-        uploaded.and_then(|_| self.say_hello(client)).map_err(|error| self.refused(error))
+        uploaded.and_then(|_| self.say_hello(client)).map_err(|error| self.refused(error))?;
+        self.record(program, file);
+        Ok(())
+    }
+
+    /// Records a table that the board has taken; that it cannot be recorded is no failure of the upload.
+    fn record(&self, program: &Program, file: &TableFile) {
+        let Some(history) = self.hub.history() else { return };
+        let bytes = table_file::bytes(&file.image);
+        let (digest, model) = (file.digest().to_string(), file.image.image().model.to_string());
+        let (rows, end_s) = (program.view.rows.len(), program.view.end_s);
+        let entry = TableEntry { digest: &digest, name: &program.view.name, model: &model, rows, end_s, file: &bytes };
+        if let Err(error) = history.add_table(&entry, history::now_ms()) {
+            eprintln!("darm serve: the table is not recorded: {error}");
+        }
     }
 
     /// Opens the connection again before the next order where the board has ended it.

@@ -8,6 +8,7 @@ use std::time::Duration;
 use anyhow::Context as _;
 use darm_arm::wired_arm::WiredArm;
 use darm_serve::access::Token;
+use darm_serve::history::History;
 use darm_serve::server::{BoardPort, Config, Server};
 use serde::Serialize;
 
@@ -53,6 +54,9 @@ pub(crate) struct Serve {
     /// Secret that pages must know
     #[arg(long, value_name = "TOKEN", env = "DARM_TOKEN", hide_env_values = true)]
     token: Option<String>,
+    /// Database of runs, diagnoses, models and tables, or none; default: history.sqlite3 in the state folder
+    #[arg(long, value_name = "FILE|none")]
+    history: Option<PathBuf>,
     #[command(flatten)]
     port: PortArgs,
 }
@@ -62,13 +66,18 @@ pub(crate) struct Serve {
 struct Serving {
     port: String,
     arm: Option<String>,
+    history: Option<PathBuf>,
     url: String,
 }
 
 impl Answer for Serving {
     fn text(&self) -> String {
         let arm = self.arm.as_deref().unwrap_or("none given: no picture");
-        format!("port     {}\narm      {arm}\npage     {}\n\nCtrl-C ends the server", self.port, self.url)
+        let history = self.history.as_ref().map_or("none".to_owned(), |path| path.display().to_string());
+        format!(
+            "port     {}\narm      {arm}\nhistory  {history}\npage     {}\n\nCtrl-C ends the server",
+            self.port, self.url
+        )
     }
 }
 
@@ -85,18 +94,30 @@ impl Serve {
             stop_socket: state_folder::stop_socket(&name),
             open: Box::new(move || port::open(&opened)),
         };
-        let server = Server::start(Config { listen: self.listen(), names: self.name.clone(), token, board, arm })?;
+        let history = self.history_file().map(|path| History::open(&path)).transpose()?;
+        let history_file = history.as_ref().map(|history| history.path().to_owned());
+        let (listen, names) = (self.listen(), self.name.clone());
+        let server = Server::start(Config { listen, names, token, board, arm, history })?;
         let (interrupted, interrupt) = channel();
         let handler = move || {
             // The receiver is gone once the server has ended.
             let _ = interrupted.send(());
         };
         ctrlc::set_handler(handler).context("cannot wait for Ctrl-C")?;
-        ui.print(&Serving { port: name, arm: arm_name, url: self.url(server.address()) })?;
+        ui.print(&Serving { port: name, arm: arm_name, history: history_file, url: self.url(server.address()) })?;
         while let Err(RecvTimeoutError::Timeout) = interrupt.recv_timeout(POLL) {
             anyhow::ensure!(server.is_running(), "the server ended; its reason is above");
         }
         Ok(())
+    }
+
+    /// The file of the history; none where it is not wanted, or no home folder is known.
+    fn history_file(&self) -> Option<PathBuf> {
+        let is_none = |path: &&PathBuf| path.as_os_str() == "none";
+        match &self.history {
+            Some(path) => Some(path).filter(|path| !is_none(path)).cloned(),
+            None => state_folder::path().map(|folder| folder.join("history.sqlite3")),
+        }
     }
 
     /// The address that is given; else the default one, or a free port where another program has that.

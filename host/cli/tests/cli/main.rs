@@ -25,6 +25,7 @@ mod predictions;
 mod profile;
 mod recording;
 mod robots;
+mod serve_kills;
 mod stop;
 mod unfinished;
 

@@ -25,26 +25,23 @@ pub(crate) struct ResultView {
     html: String,
     /// The corrected model; `None` where there is nothing to correct.
     corrected: Option<Corrected>,
-    /// The commands that make the table of the next measurement; none of a model that is no arm of words.
-    commands: Vec<CommandView>,
-}
-
-/// A command line to type.
-#[derive(Clone, Debug, Serialize)]
-struct CommandView {
-    title: &'static str,
-    line: String,
+    /// Number of the result on this server.
+    number: u64,
+    /// Words that distinguish the candidates, of an arm without servos.
+    n_words: usize,
+    /// Whether a measurement plan can be made: the model is an arm of words.
+    has_plan: bool,
 }
 
 /// The file of a corrected model.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Corrected {
     /// Number of the model.
-    number: u64,
+    pub(super) number: u64,
     /// Name of the file.
-    name: String,
+    pub(super) name: String,
     /// Its text.
-    text: String,
+    pub(super) text: String,
 }
 
 impl Corrected {
@@ -58,30 +55,20 @@ impl Corrected {
 }
 
 impl ResultView {
-    pub(crate) fn new(upload: &Upload, found: &FileDiagnosis, corrected: Option<Corrected>) -> Self {
-        let diagnosis = &found.diagnosis;
+    pub(crate) fn new(upload: &Upload, found: &FileDiagnosis, corrected: Option<Corrected>, number: u64) -> Self {
+        let (diagnosis, arm) = (&found.diagnosis, found.arm());
+        let n_words = diagnosis.next_measurement.as_ref().map_or(0, |next| next.words.len());
         Self {
             model: upload.model.clone(),
             data: upload.data.clone(),
             verdict: diagnosis.verdict,
             html: report(diagnosis).into_string(),
-            commands: commands(found, corrected.as_ref().map_or(&upload.model, |corrected| &corrected.name)),
+            number,
+            n_words: arm.filter(|arm| arm.n_servos() == 0).map_or(0, |_| n_words),
+            has_plan: arm.is_some(),
             corrected,
         }
     }
-}
-
-/// How the next measurement of an arm is made: of the words that distinguish the candidates, where words alone say it, or of
-/// those that are most informative about any missing effect.
-fn commands(found: &FileDiagnosis, model: &str) -> Vec<CommandView> {
-    let Some(arm) = found.arm() else { return Vec::new() };
-    let next = found.diagnosis.next_measurement.as_ref().filter(|next| !next.words.is_empty() && arm.n_servos() == 0);
-    let words = next.map(|next| CommandView {
-        title: "Measure these words next",
-        line: format!("darm table {model} --words {} -o next.darm", next.words.join(" ")),
-    });
-    let plan = CommandView { title: "Plan again", line: format!("darm table {model} --measurement-plan -o plan.darm") };
-    words.into_iter().chain([plan]).collect()
 }
 
 fn report(diagnosis: &Diagnosis) -> Markup {

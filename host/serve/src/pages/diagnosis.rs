@@ -50,8 +50,9 @@ pub(super) fn diagnosis() -> Markup {
             h2 #actions-title { "Result of " span #result-files {} }
             div.buttons {
                 button #write type="button" { "Write the corrected model" }
+                button #words type="button" { "Measure these words next" }
+                button #plan type="button" { "Plan again" }
             }
-            dl #commands .commands {}
             p #actions-note .note role="status" {}
         }
         div #result {}

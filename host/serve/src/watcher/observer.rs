@@ -9,6 +9,7 @@ use darm_core::units::{Digest, Micros, Word};
 use darm_core::wire::message::{Hello, OutputState, Status};
 use darm_device::client::{Client, ClientError};
 
+use crate::history::{self, Seen};
 use crate::hub::Hub;
 use crate::picture::{Picture, Posture};
 use crate::program::drive_name;
@@ -18,6 +19,8 @@ use crate::view::{ActuatorView, BoardView, EventView, OutputView, PhaseView, Qua
 const OUTPUTS_PERIOD: Duration = Duration::from_millis(500);
 /// Events from before the connection that are fetched.
 const EARLIER_EVENTS: u32 = 20;
+/// Events that wait for the history, at most.
+const UNRECORDED: usize = 1000;
 /// Requests for events in one look.
 const EVENT_REQUESTS: usize = 8;
 /// A servo that turns less changes no picture, rad.
@@ -27,6 +30,8 @@ const SMALLEST_TURN_RAD: f64 = 2e-4;
 pub(super) struct Observer {
     hub: Arc<Hub>,
     next_event: u32,
+    /// Events that the history has not taken yet.
+    unrecorded: Vec<EventView>,
     outputs: Vec<OutputState>,
     outputs_due: Instant,
     word: Word,
@@ -39,11 +44,14 @@ pub(super) struct Observer {
 }
 
 impl Observer {
-    pub(super) fn new(hub: Arc<Hub>, hello: Option<&Hello>) -> Self {
+    pub(super) fn new(hub: Arc<Hub>, client: &Client) -> Self {
+        let hello = client.hello();
         hub.forget_events();
+        let next_event = hello.map_or(0, |hello| first_wanted(&hub, client, hello));
         Self {
             hub,
-            next_event: hello.map_or(0, |hello| hello.next_event.saturating_sub(EARLIER_EVENTS)),
+            next_event,
+            unrecorded: Vec::new(),
             outputs: Vec::new(),
             outputs_due: Instant::now(),
             word: Word::default(),
@@ -69,6 +77,7 @@ impl Observer {
         self.follow_word(&status, wiring, now_s);
         self.show_picture(&status);
         let board = self.board(client, &status, now_s, now_s - asked_s);
+        self.record(&board, &status, board_now_s(client, now_s), &events);
         hub.set_board(board, events);
         Ok(())
     }
@@ -82,6 +91,32 @@ impl Observer {
             events.extend(new.iter().map(|timed| EventView::of(timed.number, timed.at, &timed.event)));
         }
         Ok(events)
+    }
+
+    /// Records new events before any page sees them; where that fails they are kept for the next look.
+    fn record(&mut self, board: &BoardView, status: &Status, board_now_s: f64, events: &[EventView]) {
+        let Some(history) = self.hub.history() else { return };
+        self.unrecorded.extend_from_slice(events);
+        if self.unrecorded.is_empty() {
+            return;
+        }
+        let model = status.model.map(|model| model.to_string());
+        let seen = Seen {
+            board: &board.name,
+            device: &board.device,
+            boots: board.boots,
+            table: board.table.as_deref(),
+            model: model.as_deref(),
+            profile: board.profile.as_deref(),
+            board_now_s,
+            now_ms: history::now_ms(),
+            events: &self.unrecorded,
+        };
+        match history.see(&seen) {
+            Ok(()) => self.unrecorded.clear(),
+            // The page of the history says why; the oldest are given up first.
+            Err(_) => drop(self.unrecorded.drain(..self.unrecorded.len().saturating_sub(UNRECORDED))),
+        }
     }
 
     /// Notes when coils and actuators changed.
@@ -123,7 +158,7 @@ impl Observer {
         let arm = self.hub.wired().map(|wired| wired.arm.hash());
         let profile = hello.map(|hello| hello.profile).filter(|profile| *profile != Digest::default());
         let wiring = self.hub.wired().map(|wired| &wired.wiring);
-        let board_now = client.clock().offset().map_or(0.0, |offset| now_s - offset.at_s);
+        let board_now = board_now_s(client, now_s);
         BoardView {
             name: client.identity().board.to_string(),
             device: client.identity().device.to_string(),
@@ -177,6 +212,19 @@ impl Observer {
             limit: state.limit.into(),
         }
     }
+}
+
+/// The first event to fetch: some from before the connection, and all that the history does not have.
+fn first_wanted(hub: &Hub, client: &Client, hello: &Hello) -> u32 {
+    let earlier = hello.next_event.saturating_sub(EARLIER_EVENTS);
+    let device = client.identity().device.to_string();
+    let known = hub.history().and_then(|history| history.last_event(&device, hello.boots).ok().flatten());
+    known.map_or(earlier, |known| earlier.min(known))
+}
+
+/// Time of the board's clock, s.
+fn board_now_s(client: &Client, now_s: f64) -> f64 {
+    client.clock().offset().map_or(0.0, |offset| now_s - offset.at_s)
 }
 
 /// An actuator at a digit; `switches` are the bits of the limit switches as seen.

@@ -15,6 +15,7 @@ use darm_device::in_process::{InProcess, MemoryFlash};
 use darm_device::link::LinkError;
 use darm_device::plant::Plant;
 use darm_serve::access::Token;
+use darm_serve::history::History;
 use darm_serve::server::{BoardPort, Config, Server};
 use serde_json::{Value, json};
 
@@ -33,6 +34,7 @@ pub(crate) struct Bench {
     pub(crate) wired: WiredArm,
     server: Server,
     is_plugged: Arc<AtomicBool>,
+    _folder: tempfile::TempDir,
 }
 
 impl Bench {
@@ -50,14 +52,16 @@ impl Bench {
             false => Err(LinkError::Missing { port: "in-process".into() }),
         };
         let port = BoardPort { name: "in-process".into(), stop_socket: None, open: Box::new(open) };
+        let folder = tempfile::tempdir().unwrap();
         let server = Server::start(Config {
             listen: "127.0.0.1:0".parse().unwrap(),
             names: vec![],
             token: token.map(|token| Token::new(token).unwrap()),
             board: port,
             arm: Some(wired.clone()),
+            history: Some(History::open(&folder.path().join("history.sqlite3")).unwrap()),
         });
-        Self { board, wired, server: server.unwrap(), is_plugged }
+        Self { board, wired, server: server.unwrap(), is_plugged, _folder: folder }
     }
 
     pub(crate) fn address(&self) -> SocketAddr {

@@ -34,6 +34,11 @@ fn diagnose(bench: &Bench, body: &[u8]) -> Answer {
     request(bench.address(), "POST", "/api/diagnosis/run", &[], body)
 }
 
+/// The arm of the example with its recording: an effect is found.
+pub(crate) fn diagnose_example(bench: &Bench) {
+    assert_eq!(diagnose(bench, &upload(&["planar4.toml", "planar4-run.csv"])).status, 200);
+}
+
 #[test]
 fn the_result_is_that_of_the_library_and_the_corrected_model_is_complete() {
     let bench = Bench::start("planar4.toml");
@@ -51,10 +56,25 @@ fn the_result_is_that_of_the_library_and_the_corrected_model_is_complete() {
     let arm = darm_arm::arm::Arm::parse(Path::new("n.toml"), result["corrected"]["text"].as_str().unwrap()).unwrap();
     assert_eq!(u64::from(arm.model.number), result["corrected"]["number"]);
     assert_eq!(arm.model.effects.len(), own.diagnosis.effects.len());
-    let name = result["corrected"]["name"].as_str().unwrap();
-    assert!(result["commands"][0]["line"].as_str().unwrap().starts_with(&format!("darm table {name} ")));
+    the_next_table_is_of_the_corrected_model(&bench, &result, &arm);
     assert_eq!(bench.get("/api/diagnosis/result"), result);
     assert_eq!(bench.get("/api/diagnosis"), json!({"running": null, "finished": 1}));
+}
+
+/// It is open on the server, and its visit file belongs to it.
+fn the_next_table_is_of_the_corrected_model(bench: &Bench, result: &Value, arm: &darm_arm::arm::Arm) {
+    let ask = |number: u64| bench.post("/api/diagnosis/table", &[], &json!({"result": number, "of": "plan"}));
+    let number = result["number"].as_u64().unwrap();
+    assert_eq!(ask(number + 1).status, 422);
+    let made = ask(number).json();
+    let program = bench.get("/api/program");
+    assert!(program["digest"] == made["digest"] && program["refusal"].is_null(), "{program}");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("plan.visits.csv");
+    std::fs::write(&path, made["visits"].as_str().unwrap()).unwrap();
+    let visits = darm_diagnose::visits::Visits::read(&path).unwrap();
+    assert_eq!((visits.model, visits.table.to_string().as_str()), (arm.hash(), made["digest"].as_str().unwrap()));
+    assert_eq!(visits.rests.len() as u64, made["n_visits"].as_u64().unwrap());
 }
 
 #[test]
@@ -133,8 +153,8 @@ fn a_person_diagnoses_a_recording_in_a_browser() {
         browser.open(&format!("http://{}/diagnosis", bench.address()));
         browser.wait("document.querySelector('#files-note') && document.body.dataset.link === 'live'");
         assert_eq!(browser.value("document.querySelector('#diagnose').disabled"), true);
-        browser.choose("#model", example("planar4.toml").to_str().unwrap());
-        browser.choose("#data", example("planar4-run.csv").to_str().unwrap());
+        browser.drop_files("#drop", &[&example("planar4-run.csv"), &example("planar4.toml")]);
+        browser.wait("document.querySelector('#model').files[0]?.name === 'planar4.toml'");
         browser.click("#diagnose");
         browser.wait("document.activeElement.id === 'verdict-section'");
         browser.wait("document.querySelector('#verdict-section').dataset.verdict === 'effect-found'");
@@ -143,6 +163,8 @@ fn a_person_diagnoses_a_recording_in_a_browser() {
         zoom(&browser);
         enter(&browser, "#write");
         browser.wait("document.querySelector('#actions-note').textContent.startsWith('Wrote planar4-')");
+        enter(&browser, "#plan");
+        browser.wait("document.querySelector('#actions-note').textContent.startsWith('Wrote plan.darm')");
         // An error has its place; the former result stays.
         browser.choose("#data", example("planar4-frames.toml").to_str().unwrap());
         enter(&browser, "#diagnose");
@@ -159,13 +181,18 @@ fn enter(browser: &Browser, selector: &str) {
     browser.press("\u{E007}");
 }
 
-/// By keys, and back.
+/// By keys, and back. The numbers stay at the axes, and are those of the part that is seen.
 fn zoom(browser: &Browser) {
-    let shown = "document.querySelector('.plot svg').getAttribute('viewBox').split(' ').map(Number)";
+    let shown = "document.querySelector('.plot svg svg').getAttribute('viewBox').split(' ').map(Number)";
     let full = browser.value(shown);
     browser.value("document.querySelector('.plot').focus()");
     browser.press("+");
     browser.wait(&format!("{shown}[2] < {}", full[2]));
+    let numbers = "[...document.querySelector('.plot > svg').querySelectorAll(':scope > text')].filter((text) => \
+                   text.style.display === '' && text.getAttribute('text-anchor') === 'end').map((text) => Number(text.textContent))";
+    let seen = browser.value(numbers);
+    let seen: Vec<f64> = seen.as_array().unwrap().iter().filter_map(Value::as_f64).collect();
+    assert!(seen.len() > 1 && seen.iter().all(|value| *value > 0.0), "{seen:?}");
     browser.press("0");
     assert_eq!(browser.value(shown), full);
     // Colours are those of the page: a plot on the dark page is dark.

@@ -2,11 +2,14 @@
 //! lets it pass.
 
 mod access;
+mod accessible;
 mod board;
 mod browser;
 mod diagnosis;
+mod history;
 mod http;
 mod live;
 mod moves;
+mod reach;
 mod table;
 mod webdriver;

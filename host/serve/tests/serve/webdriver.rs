@@ -3,7 +3,9 @@
 
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::net::{SocketAddr, TcpStream};
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
@@ -12,9 +14,14 @@ use super::http::request;
 
 /// Set where a missing browser is a failure.
 const REQUIRED: &str = "DARM_BROWSER_REQUIRED";
+/// Finds what people with a screen reader, a keyboard or little contrast cannot use.
+const AXE: &str = include_str!("../axe/axe.min.js");
 const PATIENCE: Duration = Duration::from_secs(60);
 /// The key of a reference to an element, by the WebDriver recommendation.
 const ELEMENT: &str = "element-6066-11e4-a52e-4f735466cecf";
+
+/// One browser at a time: each draws in software, on all cores.
+static TURN: Mutex<()> = Mutex::new(());
 
 /// A browser with one window.
 pub(crate) struct Browser {
@@ -22,11 +29,13 @@ pub(crate) struct Browser {
     address: SocketAddr,
     session: String,
     _profile: tempfile::TempDir,
+    _turn: MutexGuard<'static, ()>,
 }
 
 impl Browser {
     /// Starts a browser of this width; `None` with a notice where there is none.
     pub(crate) fn start(width: u32) -> Option<Self> {
+        let turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
         let mut command = Command::new("chromedriver");
         let started = command.arg("--port=0").stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
         let Ok(mut driver) = started else {
@@ -50,7 +59,7 @@ impl Browser {
         let software = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"];
         let arguments = [&["--headless=new", "--no-sandbox", &folder, &size][..], &software].concat();
         let wanted = json!({"capabilities": {"alwaysMatch": {"goog:chromeOptions": {"args": arguments}}}});
-        let mut browser = Self { driver, address, session: String::new(), _profile: profile };
+        let mut browser = Self { driver, address, session: String::new(), _profile: profile, _turn: turn };
         let session = browser.send("POST", "/session", &wanted);
         browser.session = format!("/session/{}", session["sessionId"].as_str().unwrap());
         Some(browser)
@@ -103,6 +112,60 @@ impl Browser {
     pub(crate) fn choose(&self, selector: &str, file: &str) {
         let file = std::fs::canonicalize(file).unwrap();
         self.send("POST", &format!("/element/{}/value", self.element(selector)), &json!({ "text": file }));
+    }
+
+    /// Drags from a point of an element to another, px from its upper left corner, with a `mouse` or by `touch`.
+    pub(crate) fn drag(&self, selector: &str, kind: &str, from: [f64; 2], to: [f64; 2]) {
+        let corner = self.value(&format!(
+            "(({{left, top}}) => [left, top])(document.querySelector('{selector}').getBoundingClientRect())"
+        ));
+        let at = |point: [f64; 2], axis: usize| (corner[axis].as_f64().unwrap() + point[axis]).round();
+        let go = |point| json!({"type": "pointerMove", "duration": 50, "x": at(point, 0), "y": at(point, 1)});
+        let middle = [0.5 * (from[0] + to[0]), 0.5 * (from[1] + to[1])];
+        let (down, up) = (json!({"type": "pointerDown", "button": 0}), json!({"type": "pointerUp", "button": 0}));
+        let moves = json!([go(from), down, go(middle), go(to), up]);
+        let pointer = json!({"type": "pointer", "id": kind, "parameters": {"pointerType": kind}, "actions": moves});
+        self.send("POST", "/actions", &json!({ "actions": [pointer] }));
+    }
+
+    /// Drops files on an element, as from the desktop.
+    pub(crate) fn drop_files(&self, selector: &str, files: &[&Path]) {
+        let files: Vec<_> = files.iter().map(|file| std::fs::canonicalize(file).unwrap()).collect();
+        let middle = self.value(&format!(
+            "(({{left, top, width, height}}) => [left + width / 2, top + height / 2])(document.querySelector('{selector}').getBoundingClientRect())"
+        ));
+        for step in ["dragEnter", "dragOver", "drop"] {
+            let data = json!({"items": [], "files": files, "dragOperationsMask": 1});
+            let event = json!({"type": step, "x": middle[0], "y": middle[1], "data": data});
+            self.protocol("Input.dispatchDragEvent", &event);
+        }
+    }
+
+    /// Light or dark colours, without movement.
+    pub(crate) fn set_dark(&self, is_dark: bool) {
+        let value = if is_dark { "dark" } else { "light" };
+        let still = json!({"name": "prefers-reduced-motion", "value": "reduce"});
+        let features = json!([{"name": "prefers-color-scheme", "value": value}, still]);
+        self.protocol("Emulation.setEmulatedMedia", &json!({ "features": features }));
+    }
+
+    /// Asks the browser past WebDriver, which has no word for it.
+    fn protocol(&self, command: &str, parameters: &Value) {
+        self.send("POST", "/goog/cdp/execute", &json!({"cmd": command, "params": parameters}));
+    }
+
+    /// What `axe-core` finds in the page that is serious or critical: rule, help, and the elements.
+    pub(crate) fn serious_findings(&self) -> Vec<String> {
+        self.send("POST", "/execute/sync", &json!({"script": AXE, "args": []}));
+        let script = "const done = arguments[0]; axe.run({resultTypes: ['violations']}).then((found) => done(found.violations), \
+                      (error) => done([{impact: 'critical', id: String(error), help: '', nodes: []}]));";
+        let found = self.send("POST", "/execute/async", &json!({"script": script, "args": []}));
+        let serious =
+            found.as_array().unwrap().iter().filter(|rule| rule["impact"] == "serious" || rule["impact"] == "critical");
+        let nodes = |rule: &Value| {
+            rule["nodes"].as_array().unwrap().iter().map(|node| node["html"].to_string()).collect::<Vec<_>>()
+        };
+        serious.map(|rule| format!("{}: {}: {}", rule["id"], rule["help"], nodes(rule).join("; "))).collect()
     }
 
     /// Presses a key, wherever the focus is.

@@ -1,0 +1,63 @@
+//! The entry of a diagnosis in the history.
+
+use darm_diagnose::files::FileDiagnosis;
+use serde_json::Value;
+use sha2::{Digest as _, Sha256};
+
+use super::Diagnoses;
+use super::view::Corrected;
+use crate::history::{self, DiagnosisEntry, ModelEntry};
+use crate::upload::Upload;
+
+impl Diagnoses {
+    /// Records a diagnosis, its model and the corrected one, where the server keeps a history. That it cannot be recorded is
+    /// no failure of the diagnosis.
+    pub(super) fn record(
+        &self,
+        upload: &Upload,
+        found: &FileDiagnosis,
+        corrected: Option<&Corrected>,
+        corrected_digest: Option<String>,
+    ) {
+        let Some(history) = self.hub.history() else { return };
+        let diagnosis = &found.diagnosis;
+        let model_bytes = upload.bytes(&upload.model);
+        let digest = found.arm().map_or_else(|| sha256(model_bytes), |arm| arm.hash().to_string());
+        let file = String::from_utf8_lossy(model_bytes);
+        let number = diagnosis.model;
+        let model = ModelEntry { digest: &digest, name: &upload.model, number, parent: None, file: &file };
+        let corrected = corrected.map(|next| (next, corrected_digest.unwrap_or_else(|| sha256(next.text.as_bytes()))));
+        let next = corrected.as_ref().map(|(next, own)| ModelEntry {
+            digest: own,
+            name: &next.name,
+            number: u32::try_from(next.number).ok(),
+            parent: Some(&digest),
+            file: &next.text,
+        });
+        let (data_digest, report) = (sha256(upload.bytes(&upload.data)), numbers(found));
+        let verdict = diagnosis.verdict.to_string();
+        let entry = DiagnosisEntry {
+            model,
+            corrected: next,
+            data_name: &upload.data,
+            data_digest: &data_digest,
+            verdict: &verdict,
+            summary: diagnosis.plain.first().map_or("", String::as_str),
+            report: &report,
+        };
+        if let Err(error) = history.add_diagnosis(&entry, history::now_ms()) {
+            eprintln!("darm serve: the diagnosis is not recorded: {error}");
+        }
+    }
+}
+
+/// The numbers of a diagnosis as JSON, without the points of its plots.
+fn numbers(found: &FileDiagnosis) -> String {
+    let mut value = serde_json::to_value(&found.diagnosis).unwrap_or(Value::Null);
+    value.as_object_mut().map(|fields| fields.remove("points"));
+    value.to_string()
+}
+
+fn sha256(bytes: &[u8]) -> String {
+    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+}

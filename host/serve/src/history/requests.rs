@@ -1,0 +1,122 @@
+//! What pages ask of the history. They change nothing.
+
+use std::sync::Arc;
+
+use axum::extract::{Query, State};
+use axum::http::header;
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use axum::{Json, Router};
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+use super::{History, HistoryError, Kind};
+use crate::refusal::{self, Refused};
+
+/// Entries of each kind that a page shows; an export has all.
+const SHOWN: u32 = 200;
+
+type Shared = State<Option<Arc<History>>>;
+
+/// The requests about the history.
+pub(crate) fn router(history: Option<Arc<History>>) -> Router {
+    Router::new()
+        .route("/api/history", get(newest))
+        .route("/api/history/events", get(events))
+        .route("/api/history/diagnosis", get(diagnosis))
+        .route("/api/history/model", get(model))
+        .route("/api/history/table", get(table))
+        .route("/api/history/export", get(export))
+        .with_state(history)
+}
+
+#[derive(Deserialize)]
+struct Id {
+    id: i64,
+}
+
+#[derive(Deserialize)]
+struct Digest {
+    digest: String,
+}
+
+#[derive(Deserialize)]
+struct Of {
+    of: Option<Kind>,
+}
+
+#[derive(Serialize)]
+struct Newest {
+    file: String,
+    problem: Option<String>,
+    runs: Vec<Value>,
+    diagnoses: Vec<Value>,
+    models: Vec<Value>,
+    tables: Vec<Value>,
+}
+
+impl Newest {
+    fn of(history: &History) -> Result<Self, HistoryError> {
+        let of = |kind| history.entries(kind, Some(SHOWN));
+        Ok(Self {
+            file: history.path().display().to_string(),
+            problem: history.problem(),
+            runs: of(Kind::Runs)?,
+            diagnoses: of(Kind::Diagnoses)?,
+            models: of(Kind::Models)?,
+            tables: of(Kind::Tables)?,
+        })
+    }
+}
+
+async fn newest(State(history): Shared) -> Result<Json<Option<Newest>>, Refused> {
+    let Some(history) = history else { return Ok(Json(None)) };
+    ask(Some(history), Newest::of).await.map(Some).map(Json)
+}
+
+async fn events(State(history): Shared, Query(Id { id }): Query<Id>) -> Result<Json<Vec<Value>>, Refused> {
+    ask(history, move |history| history.events(id)).await.map(Json)
+}
+
+async fn diagnosis(State(history): Shared, Query(Id { id }): Query<Id>) -> Result<Response, Refused> {
+    let report = ask(history, move |history| history.report(id)).await?.ok_or_else(missing)?;
+    Ok(([(header::CONTENT_TYPE, "application/json")], report).into_response())
+}
+
+async fn model(State(history): Shared, Query(Digest { digest }): Query<Digest>) -> Result<Json<String>, Refused> {
+    ask(history, move |history| history.model_file(&digest)).await?.ok_or_else(missing).map(Json)
+}
+
+async fn table(State(history): Shared, Query(Digest { digest }): Query<Digest>) -> Result<Response, Refused> {
+    let file = ask(history, move |history| history.table_file(&digest)).await?.ok_or_else(missing)?;
+    Ok(([(header::CONTENT_TYPE, "application/octet-stream")], file).into_response())
+}
+
+async fn export(State(history): Shared, Query(Of { of }): Query<Of>) -> Result<Response, Refused> {
+    match of {
+        None => {
+            let all = ask(history, History::export).await?;
+            let program = json!({"program": "darm", "version": env!("CARGO_PKG_VERSION")});
+            Ok(Json(json!({"history": program, "entries": all})).into_response())
+        }
+        Some(kind) => {
+            let text = ask(history, move |history| history.csv(kind)).await?;
+            Ok(([(header::CONTENT_TYPE, "text/csv; charset=utf-8")], text).into_response())
+        }
+    }
+}
+
+/// Asks in a thread: a disk may be slow.
+async fn ask<T: Send + 'static>(
+    history: Option<Arc<History>>,
+    read: impl FnOnce(&History) -> Result<T, HistoryError> + Send + 'static,
+) -> Result<T, Refused> {
+    let refused = |error: &dyn std::fmt::Display| Refused::new(refusal::Kind::Refused, error);
+    let history = history.ok_or_else(|| refused(&"this server keeps no history; start it with --history FILE"))?;
+    let answer = tokio::task::spawn_blocking(move || read(&history)).await.map_err(|error| refused(&error))?;
+    answer.map_err(|error| refused(&error))
+}
+
+fn missing() -> Refused {
+    Refused::new(refusal::Kind::Invalid, "the history has no such entry")
+}

@@ -1,0 +1,38 @@
+//! Every page, light and dark, as `axe-core` judges it, and at the width of a telephone.
+
+use super::board::{Bench, RealTime};
+use super::diagnosis::diagnose_example;
+use super::webdriver::Browser;
+
+#[test]
+fn no_page_has_a_serious_finding_or_scrolls_sideways() {
+    let Some(browser) = Browser::start(390) else { return };
+    let bench = Bench::start("planar4.toml");
+    let _time = RealTime::start(&bench.board);
+    let page = bench.page_in_control();
+    let digest = page.upload(&bench.table(&["000010000000", "101000000000"], 0.1));
+    page.play(&digest);
+    page.control("release");
+    diagnose_example(&bench);
+    let ready = [
+        ("/", "document.querySelectorAll('#outputs tr').length === 12"),
+        ("/program", "document.querySelectorAll('#timeline .span').length > 0"),
+        (
+            "/reach",
+            "document.querySelector('#word').textContent.length === 12 && document.querySelector('#density svg')",
+        ),
+        ("/diagnosis", "document.querySelector('#verdict-section')"),
+        ("/history", "document.querySelector('#diagnoses code')"),
+    ];
+    for (path, ready) in ready {
+        browser.open(&format!("http://{}{path}", bench.address()));
+        browser.wait(&format!("document.body.dataset.link === 'live' && ({ready})"));
+        let is_wide = "document.documentElement.scrollWidth > document.documentElement.clientWidth";
+        assert_eq!(browser.value(is_wide), false, "{path} scrolls sideways");
+        for is_dark in [false, true] {
+            browser.set_dark(is_dark);
+            let findings = browser.serious_findings();
+            assert!(findings.is_empty(), "{path}, dark {is_dark}: {findings:#?}");
+        }
+    }
+}
