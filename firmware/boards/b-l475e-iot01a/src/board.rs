@@ -136,8 +136,9 @@ pub fn prioritise() {
         let mut core = cortex_m::Peripherals::steal();
         core.SCB.set_priority(SystemHandler::SysTick, 0x20);
         core.NVIC.set_priority(CONTROL, 0x40);
-        core.NVIC.set_priority(Interrupt::USART1, 0x80);
-        core.NVIC.set_priority(Interrupt::USART2, 0x80);
+        for port in [Interrupt::USART1, Interrupt::DMA1_CHANNEL5, Interrupt::USART2, Interrupt::DMA1_CHANNEL6] {
+            core.NVIC.set_priority(port, 0x80);
+        }
         core.NVIC.set_priority(COMMON, 0xE0);
     }
 }

@@ -9,11 +9,10 @@ use cortex_m::peripheral::SCB;
 use cortex_m_rt::exception;
 use darm_core::wire::bootstrap::CrashKind;
 use darm_firmware::crash::{Registers, end, panicked};
-use stm32_metapac::FLASH;
 
+use crate::bank2;
 use crate::board::Board;
-use crate::ecc::{DoubleError, double_error};
-use crate::flash::note_double_error;
+use crate::ecc::DoubleError;
 
 #[panic_handler]
 fn panic(info: &PanicInfo) -> ! {
@@ -77,9 +76,8 @@ unsafe fn DefaultHandler(number: i16) -> ! {
 /// The error check of a flash word failed. Fatal unless the word is in the data, which has checksums.
 #[exception]
 unsafe fn NonMaskableInt() {
-    match double_error(FLASH.eccr().read().0) {
-        Some(DoubleError::Data { offset }) => note_double_error(offset),
-        fatal => end_nmi(fatal),
+    if let Err(fatal) = bank2::on_nmi() {
+        end_nmi(fatal);
     }
 }
 

@@ -6,12 +6,16 @@
 //! | `board`    | what the firmware's library asks of a board; priorities           |
 //! | `emulated` | whether the image runs in QEMU                                    |
 //! | `pins`     | the pin table                                                     |
-//! | `clocks`   | 80 MHz from the internal oscillator, peripheral clocks            |
+//! | `clocks`   | 80 MHz from the crystal or the internal oscillator, peripheral clocks |
 //! | `gpio`     | outputs of the solenoid chain, limit switches                     |
-//! | `uart`     | two USARTs with queues filled and emptied by interrupts           |
+//! | `uart`     | the console and the servo bus                                     |
+//! | `usart`    | a USART with queues: reception by DMA, sending by interrupts      |
+//! | `dma`      | a DMA channel that fills a ring                                   |
 //! | `time`     | SysTick as the clock of all tasks                                 |
 //! | `systick`  | the handler of SysTick: counts time, requests the control tick    |
-//! | `flash`    | bank 2 as NOR flash; a file of the host in QEMU                   |
+//! | `flash`    | where slots and records are: bank 2, or a file of the host in QEMU |
+//! | `bank2`    | bank 2 as NOR flash                                               |
+//! | `bus`      | access to registers: volatile on the chip, a model in tests       |
 //! | `ecc`      | what a failed error check of the flash means                      |
 //! | `watchdog` | resets the chip when the control tick, or a task it looks after, stops |
 //! | `fault`    | handlers of panic, hard fault and unknown interrupts              |
@@ -24,10 +28,16 @@
 #![cfg_attr(not(test), no_std)]
 #![cfg_attr(not(test), deny(clippy::unwrap_used))]
 
+#[cfg(any(feature = "chip", test))]
+pub mod bank2;
 #[cfg(feature = "chip")]
 pub mod board;
-#[cfg(feature = "chip")]
+#[cfg(any(feature = "chip", test))]
+pub mod bus;
+#[cfg(any(feature = "chip", test))]
 pub mod clocks;
+#[cfg(any(feature = "chip", test))]
+mod dma;
 pub mod ecc;
 #[cfg(feature = "chip")]
 pub mod emulated;
@@ -35,13 +45,15 @@ pub mod emulated;
 mod fault;
 #[cfg(feature = "chip")]
 pub mod flash;
-#[cfg(feature = "chip")]
+#[cfg(any(feature = "chip", test))]
 pub mod gpio;
 #[cfg(feature = "chip")]
 mod mask;
 #[cfg(feature = "bench")]
 pub mod measure;
-#[cfg(feature = "chip")]
+#[cfg(test)]
+mod model;
+#[cfg(any(feature = "chip", test))]
 pub mod pins;
 #[cfg(feature = "chip")]
 pub mod restart;
@@ -53,5 +65,7 @@ pub mod tasks;
 pub mod time;
 #[cfg(feature = "chip")]
 pub mod uart;
-#[cfg(feature = "chip")]
+#[cfg(any(feature = "chip", test))]
+pub mod usart;
+#[cfg(any(feature = "chip", test))]
 pub mod watchdog;

@@ -28,6 +28,7 @@ use darm_firmware::dispatch::Dispatcher;
 use darm_firmware::hardware::{self, OnBoard};
 use darm_firmware::life::{Pulse, Start, Task};
 use darm_firmware::nearest::Room;
+use darm_firmware::servo::echo::Wire;
 use darm_firmware::tick::Ticker;
 use embassy_executor::InterruptExecutor;
 use static_cell::StaticCell;
@@ -113,7 +114,9 @@ async fn console(
 async fn servos() -> ! {
     let [_, pulse] = &PULSES;
     let (receiver, sender) = uart::start_servo_bus();
-    hardware::servos::<Board>(&SHARED, pulse, receiver, sender).await
+    let wire = Wire::default();
+    let (ear, mouth) = wire.split(receiver, sender);
+    hardware::servos::<Board>(&SHARED, pulse, ear, mouth).await
 }
 
 /// What the console owns. Each of these is built in a separate call, so that no two need their stack at once.
