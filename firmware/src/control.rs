@@ -69,6 +69,8 @@ pub struct Inputs {
     pub switches: u32,
     /// The contact of the board's button is closed.
     pub button: bool,
+    /// The output chain does not return what was shifted into it.
+    pub chain_broken: bool,
 }
 
 type Raw = CriticalSectionRawMutex;
@@ -84,6 +86,10 @@ pub struct Shared<'t> {
     /// Stops that were requested, and those that have been done.
     stops: AtomicU32,
     stops_done: AtomicU32,
+    /// Visits of servos that got no answer.
+    servos_unanswered: AtomicU32,
+    /// Times that the output chain returned something else than was shifted into it.
+    chain_errors: AtomicU32,
 }
 
 impl<'t> Shared<'t> {
@@ -98,6 +104,8 @@ impl<'t> Shared<'t> {
             joints: Mutex::new(Cell::new([None; MAX_SERVOS])),
             stops: AtomicU32::new(0),
             stops_done: AtomicU32::new(0),
+            servos_unanswered: AtomicU32::new(0),
+            chain_errors: AtomicU32::new(0),
         }
     }
 
@@ -132,6 +140,26 @@ impl<'t> Shared<'t> {
             }
             cell.set(seen);
         });
+    }
+
+    /// Visits of servos that got no answer, since the start.
+    pub fn servos_unanswered(&self) -> u32 {
+        self.servos_unanswered.load(Ordering::Relaxed)
+    }
+
+    /// A servo did not answer. From the servo bus only.
+    pub fn note_unanswered(&self) {
+        self.servos_unanswered.store(self.servos_unanswered().saturating_add(1), Ordering::Relaxed);
+    }
+
+    /// Times that the output chain returned something else than was shifted into it, since the start.
+    pub fn chain_errors(&self) -> u32 {
+        self.chain_errors.load(Ordering::Relaxed)
+    }
+
+    /// Sets that number. From the control tick only.
+    pub fn set_chain_errors(&self, errors: u32) {
+        self.chain_errors.store(errors, Ordering::Relaxed);
     }
 
     /// Number of requested stops.
@@ -193,6 +221,7 @@ impl<'t> Control<'t> {
     pub fn tick(&mut self, now: Micros, due: Micros, inputs: Inputs, shared: &Shared<'t>) -> Outputs {
         self.worst_lateness = self.worst_lateness.max(now - due);
         self.seen.switches = inputs.switches;
+        self.seen.chain_broken = inputs.chain_broken;
         self.button.look(now, inputs.button);
         self.now = now;
         let stops = shared.stops();

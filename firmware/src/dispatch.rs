@@ -19,6 +19,7 @@ use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{self, ANSWER, CrashRecord, Identity, Version};
 use darm_core::wire::caps::{BuildId, Caps};
 use darm_core::wire::frame::{self, Header, MAX_FRAME, MAX_PAYLOAD};
+use darm_core::wire::health::Health;
 use darm_core::wire::message::{Answer, Calibration, Hello, REQUEST, Refusal, Reply, Request};
 use embedded_storage_async::nor_flash::NorFlash;
 
@@ -65,6 +66,8 @@ pub struct Board {
     pub caps: Caps,
     /// The chip's loader is entered only while a person holds the button.
     pub guards_loader: bool,
+    /// What it reports of itself.
+    pub health: fn() -> Health,
 }
 
 /// Answers to the host.
@@ -319,6 +322,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
             Request::Calibrate(calibration) => self.calibrate(calibration).await,
             Request::Calibration => Ok(Answer::Calibration(self.calibration?)),
             Request::Outputs { from } => Ok(Answer::Outputs(self.outputs(from).await)),
+            Request::Health => Ok(Answer::Health(self.health())),
         }
     }
 

@@ -20,6 +20,7 @@ use darm_core::table::Table;
 use darm_core::units::{DeviceId, Micros};
 use darm_core::wire::bootstrap::{CrashRecord, Identity, RebootTarget};
 use darm_core::wire::caps::Caps;
+use darm_core::wire::health::Health;
 use embassy_futures::select::{Either, select};
 use embedded_io_async::{Read, Write};
 use embedded_storage_async::nor_flash::NorFlash;
@@ -65,6 +66,16 @@ pub trait Hardware: Sized + 'static {
     /// The chip's unique number.
     fn device() -> DeviceId;
 
+    /// Output lines that its chain has now, where it can count them; the most that it may have where it cannot.
+    fn lines() -> u8 {
+        Self::LINES
+    }
+
+    /// What it reports of itself; the library adds what the tasks count.
+    fn health() -> Health {
+        Health::default()
+    }
+
     /// Takes the flash, once; `None` when it does not answer.
     fn open_flash() -> Option<Self::Flash>;
 
@@ -99,7 +110,7 @@ pub trait Pins: Chain {
 
 /// What a board can do.
 pub fn caps<H: Hardware>() -> Caps {
-    Caps { lines: H::LINES, inputs: H::INPUTS, servos: H::SERVOS, ..Caps::largest(H::NAME, SLOT_BYTES as u32, BUILD) }
+    Caps { lines: H::lines(), inputs: H::INPUTS, servos: H::SERVOS, ..Caps::largest(H::NAME, SLOT_BYTES as u32, BUILD) }
 }
 
 /// Memory of what the console task owns.
@@ -177,6 +188,7 @@ pub fn describe<H: Hardware>(crash: Option<CrashRecord>) -> Board {
         crash,
         caps: caps::<H>(),
         guards_loader: H::GUARDS_LOADER,
+        health: H::health,
     }
 }
 

@@ -110,6 +110,7 @@ mod tests {
     use darm_core::units::DeviceId;
     use darm_core::wire::bootstrap::{CrashKind, Identity};
     use darm_core::wire::frame::MAX_FRAME;
+    use darm_core::wire::health::Health;
     use embedded_io_async::ErrorType;
 
     /// Everything that the host sends, and what the board wrote.
@@ -141,7 +142,7 @@ mod tests {
         let identity = Identity { device: DeviceId([7; 12]), board: heapless::String::try_from("test").unwrap() };
         let text = heapless::String::try_from("why").unwrap();
         let crash = Some(CrashRecord { kind: CrashKind::Watchdog, uptime_us: 1, pc: 2, lr: 3, text });
-        Board { identity, crash, caps: caps(), guards_loader: true }
+        Board { identity, crash, caps: caps(), guards_loader: true, health: Health::default }
     }
 
     /// What the board answers to these bytes, and into what it reboots.

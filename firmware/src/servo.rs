@@ -67,7 +67,6 @@ pub struct Bus<R, W, C> {
     clock: C,
     parser: Parser,
     written: [Option<Written>; MAX_SERVOS],
-    failures: u32,
 }
 
 /// What was written to a servo last.
@@ -80,7 +79,7 @@ struct Written {
 impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
     /// A bus on which nothing was said yet.
     pub fn new(reader: R, writer: W, clock: C) -> Self {
-        Self { reader, writer, clock, parser: Parser::default(), written: [None; MAX_SERVOS], failures: 0 }
+        Self { reader, writer, clock, parser: Parser::default(), written: [None; MAX_SERVOS] }
     }
 
     /// Serves the joints for ever.
@@ -91,11 +90,6 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
             due = (due + CYCLE).max(self.clock.now());
             self.clock.wait_until(due).await;
         }
-    }
-
-    /// Visits without an answer so far.
-    pub fn failures(&self) -> u32 {
-        self.failures
     }
 
     /// Visits every servo once.
@@ -109,7 +103,7 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
                 Ok(Some(seen)) => shared.see_servo(index, seen),
                 Ok(None) => self.set_written(index, None),
                 Err(_) => {
-                    self.failures = self.failures.saturating_add(1);
+                    shared.note_unanswered();
                     // The position of a servo that holds is no new goal: its load bends it.
                     if joint.is_none_or(|joint| joint.action != ServoAction::Hold) {
                         self.set_written(index, None);

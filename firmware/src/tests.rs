@@ -15,6 +15,7 @@ use darm_core::units::{ActuatorId, DeviceId, Digest, Micros};
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{self, Identity};
 use darm_core::wire::frame::{self, Header, MAX_FRAME, MAX_PAYLOAD};
+use darm_core::wire::health::Health;
 use darm_core::wire::message::{Answer, CHUNK, Calibration, Hello, Image, REQUEST, Refusal, Reply, Request, Status};
 
 use crate::app::serve;
@@ -66,7 +67,7 @@ impl Bench {
             cells,
         };
         let identity = Identity { device: DeviceId([7; 12]), board: heapless::String::try_from("bench").unwrap() };
-        let board = Board { identity, crash: None, caps: caps(), guards_loader: true };
+        let board = Board { identity, crash: None, caps: caps(), guards_loader: true, health: Health::default };
         let mut dispatcher = Dispatcher::new(board, bench.clock, bench.shared, Box::leak(Box::default()));
         let profile = Box::leak(Box::new(Profile::empty()));
         let opening = dispatcher.open(Some(bench.cells.flash(u32::MAX)), Box::leak(Box::default()), profile);
@@ -79,7 +80,7 @@ impl Bench {
         let now = self.clock.0.get() + TICK.0;
         self.clock.0.set(now);
         let switches = self.stuck.get().unwrap_or(self.outputs.get().lines as u32);
-        let inputs = Inputs { switches, button: self.button.get() };
+        let inputs = Inputs { switches, button: self.button.get(), ..Inputs::default() };
         self.outputs.set(self.control.borrow_mut().tick(Micros(now), Micros(now), inputs, self.shared));
     }
 

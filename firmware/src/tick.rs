@@ -38,9 +38,11 @@ impl<H: Hardware> Ticker<H> {
         shared: &Shared<'static>,
         pulses: &[Pulse; Task::ALL.len()],
     ) -> Outputs {
-        let inputs = self.solenoids.chain().inputs();
+        let mut inputs = self.solenoids.chain().inputs();
+        inputs.chain_broken = self.solenoids.is_broken();
         let outputs = self.control.tick(now, due, inputs, shared);
         self.solenoids.apply(outputs.lines, outputs.enabled);
+        shared.set_chain_errors(self.solenoids.errors());
         self.look_after(now, pulses);
         outputs
     }

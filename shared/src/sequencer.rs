@@ -248,6 +248,9 @@ impl<'t> Sequencer<'t> {
         if self.emergency_stop {
             return Err(FaultKind::EmergencyStop);
         }
+        if seen.chain_broken {
+            return Err(FaultKind::Chain);
+        }
         let Some(table) = self.table.as_deref() else {
             return Ok(());
         };

@@ -1,6 +1,7 @@
 //! What the board does now, as a host asks: state, servos, on-times of the outputs.
 
 use darm_core::output::MAX_COILS;
+use darm_core::wire::health::{ChainHealth, Health};
 use darm_core::wire::message::{OUTPUTS, OutputState, Refusal, Status};
 use embedded_storage_async::nor_flash::NorFlash;
 
@@ -20,6 +21,16 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
             }
         }
         outputs
+    }
+
+    /// What the board reports of itself, with what the tasks have counted.
+    ///
+    /// Not inlined: the analysis of the image knows this caller of a board's function, see `xtask/src/image/lists.rs`.
+    #[inline(never)]
+    pub(super) fn health(&self) -> Health {
+        let health = (self.board.health)();
+        let chain = health.chain.map(|chain| ChainHealth { errors: self.shared.chain_errors(), ..chain });
+        Health { chain, servos_unanswered: self.shared.servos_unanswered(), ..health }
     }
 
     pub(crate) async fn snapshot(&self) -> Result<Snapshot, Refusal> {

@@ -166,7 +166,7 @@ pub fn of_fault(fault: &FaultKind) -> Place {
         | FaultKind::ServoError { servo, .. }
         | FaultKind::ServoTorque { servo, .. }
         | FaultKind::ServoRange { servo, .. } => Place { servo: Some(servo), ..Place::default() },
-        FaultKind::TooManyCoils | FaultKind::EmergencyStop => Place::default(),
+        FaultKind::TooManyCoils | FaultKind::EmergencyStop | FaultKind::Chain => Place::default(),
     }
 }
 

@@ -74,6 +74,8 @@ pub enum FaultKind {
     },
     /// The emergency stop was pressed.
     EmergencyStop,
+    /// The output chain does not hold what was shifted into it.
+    Chain,
 }
 
 impl fmt::Display for Fault {
@@ -111,6 +113,7 @@ impl fmt::Display for FaultKind {
                 write!(f, "servo {servo} was seen out of its range at {:.1} deg", angle_rad.to_degrees())
             }
             Self::EmergencyStop => f.write_str("the emergency stop was pressed"),
+            Self::Chain => f.write_str("the output chain does not return what was shifted into it; check its wiring"),
         }
     }
 }

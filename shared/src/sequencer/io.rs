@@ -12,6 +12,8 @@ pub struct Seen {
     pub switches: u32,
     /// What each servo answered last.
     pub servos: [ServoSeen; MAX_SERVOS],
+    /// The output chain does not return what was shifted into it.
+    pub chain_broken: bool,
 }
 
 /// The last answer of one servo.

@@ -13,6 +13,7 @@
 //! | `Calibration` | `Calibration` | often | the stored offsets                                                  |
 //! | `Nearest`   | `Nearest`   | often | which word brings the tool near a pose, by the frames in the table      |
 //! | `Outputs`   | `Outputs`   | often | how long outputs have been on, and how long they may be                 |
+//! | `Health`    | `Health`    | often | clock, resets, errors of lines, flash and chain                         |
 //!
 //! `Begin`, `Chunk` and `Commit` also bring a profile; that is committed only while a person holds the board's button,
 //! and the board starts again with it.
@@ -28,6 +29,7 @@ use crate::sequencer::{Command, CommandError, Event, Phase, ServoSeen};
 use crate::table::TableError;
 use crate::units::{DeviceId, Digest, Micros, ModelHash, Word};
 use crate::wire::caps::Caps;
+use crate::wire::health::Health;
 
 /// Tag of requests.
 pub const REQUEST: u8 = 0x10;
@@ -79,6 +81,8 @@ pub enum Request<'a> {
         /// Number of the first output wanted.
         from: u8,
     },
+    /// How is the board itself?
+    Health,
 }
 
 impl Request<'_> {
@@ -188,6 +192,8 @@ pub enum Answer {
     Nearest(Found<f32>),
     /// To `Outputs`: up to [`OUTPUTS`] outputs of the profile, by number; none after the last.
     Outputs(heapless::Vec<OutputState, OUTPUTS>),
+    /// To `Health`.
+    Health(Health),
 }
 
 /// How long an output has been on, and how long it may be.

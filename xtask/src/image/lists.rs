@@ -71,12 +71,21 @@ pub(crate) const INDIRECT: &[Indirect] = &[
         callers: &["sequential_storage::"],
         callees: &[Named("sequential_storage::map::Value>::serialize_into"), Named("embassy_executor::raw::waker::")],
     },
+    // A board says what it knows of itself.
+    Indirect {
+        callers: &[
+            "darm_firmware::dispatch::status::<impl darm_firmware::dispatch::Dispatcher<F,C>>::health",
+            "Dispatcher<F, C>>::health",
+        ],
+        callees: &[Named("darm_firmware::hardware::Hardware>::health")],
+    },
     // All else that calls indirectly wakes a task or clones and drops its waker.
     Indirect {
         callers: &[
             "TSC",
             "SysTick",
             "USART",
+            "DMA1_CHANNEL",
             "<core::future::poll_fn::PollFn<F> as core::future::future::Future>",
             "embassy_",
             "embedded_io_async",

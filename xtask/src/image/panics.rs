@@ -92,7 +92,8 @@ pub(crate) fn reasons() -> String {
 /// The interrupt that runs the control task.
 const CONTROL: &str = "TSC";
 /// Everything else that runs.
-const OTHERS: [&str; 6] = ["Reset", "SWPMI1", "USART1", "USART2", "SysTick", "NonMaskableInt"];
+const OTHERS: [&str; 8] =
+    ["Reset", "SWPMI1", "USART1", "USART2", "DMA1_CHANNEL5", "DMA1_CHANNEL6", "SysTick", "NonMaskableInt"];
 
 /// One a line.
 fn lines(panics: &BTreeSet<Panic>) -> String {

@@ -27,7 +27,7 @@ struct Level {
 /// Lowest priority first.
 const LEVELS: [Level; 6] = [
     Level { name: "console and servo tasks", handlers: &["SWPMI1"] },
-    Level { name: "USARTs", handlers: &["USART1", "USART2"] },
+    Level { name: "USARTs", handlers: &["USART1", "USART2", "DMA1_CHANNEL5", "DMA1_CHANNEL6"] },
     Level { name: "control task", handlers: &["TSC"] },
     Level { name: "clock", handlers: &["SysTick"] },
     Level { name: "NMI (flash ECC)", handlers: &["NonMaskableInt"] },

@@ -274,7 +274,7 @@ pub fn double_errors() -> (u32, u32) {
     (DOUBLE_ERRORS.load(Ordering::Relaxed), LAST_DOUBLE_ERROR.load(Ordering::Relaxed))
 }
 
-/// Words of which one bit was wrong and corrected, since the start. They tell that a cell wears out.
+/// Words of which one bit was wrong and corrected, since the start. They show that a cell wears out.
 pub fn corrected_errors() -> u32 {
     CORRECTED.load(Ordering::Relaxed)
 }

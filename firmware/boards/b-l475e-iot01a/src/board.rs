@@ -1,19 +1,23 @@
 //! What the firmware's library asks of a board: the B-L475E-IOT01A.
+use core::sync::atomic::{AtomicU8, Ordering};
+
 use cortex_m::peripheral::SCB;
 use darm_core::units::DeviceId;
 use darm_core::wire::bootstrap::RebootTarget;
+use darm_core::wire::health::{ChainHealth, ClockSource, Health, LineErrors, ResetCause};
 use darm_firmware::control::Inputs;
 use darm_firmware::crash::Kept;
 use darm_firmware::hardware::{Hardware, Pins};
-use darm_firmware::solenoid::{self, Chain};
+use darm_firmware::solenoid::{self, Chain, ReadBack};
 use stm32_metapac::{Interrupt, UID};
 
 use crate::emulated::emulated;
 use crate::flash::Flash;
-use crate::gpio::{ChainClock, ChainData, ChainEnable, ChainLatch, Switches, user_button_pressed};
+use crate::gpio::{ChainClock, ChainData, ChainEnable, ChainEnd, ChainLatch, Switches, user_button_pressed};
 use crate::pins::{CHAIN_ENABLE, SWITCHES};
 use crate::time::BoardClock;
-use crate::{restart, watchdog};
+use crate::watchdog::Cause;
+use crate::{bank2, clocks, options, restart, uart, usart, watchdog};
 
 /// Interrupt that the control tick borrows; its peripheral (touch sensing) is not used.
 pub const CONTROL: Interrupt = Interrupt::TSC;
@@ -47,6 +51,26 @@ impl Hardware for Board {
             bytes.copy_from_slice(&UID.uid(word).read().to_le_bytes());
         }
         id
+    }
+
+    /// Where its far end is wired back, the chain says how long it is.
+    fn lines() -> u8 {
+        chips().map_or(Self::LINES, |chips| 8 * chips)
+    }
+
+    fn health() -> Health {
+        let (flash_uncorrected, _) = bank2::double_errors();
+        Health {
+            clock: (!emulated()).then(clock_source),
+            reset: reset_cause(),
+            console: line_errors(uart::CONSOLE.errors()),
+            servo_bus: line_errors(uart::SERVOS.errors()),
+            flash_corrected: bank2::corrected_errors(),
+            flash_uncorrected,
+            chain: chips().map(|chips| ChainHealth { chips, errors: 0 }),
+            options: (!emulated()).then(options::read),
+            ..Health::default()
+        }
     }
 
     fn open_flash() -> Option<Flash> {
@@ -84,21 +108,60 @@ impl Hardware for Board {
     }
 }
 
+/// Chips that the chain had at the start, 0 where its far end does not show it.
+static CHIPS: AtomicU8 = AtomicU8::new(0);
+/// What caused the reset, from [`note_cause`]; 0 before.
+static CAUSE: AtomicU8 = AtomicU8::new(0);
+const CAUSES: [ResetCause; 4] = [ResetCause::Supply, ResetCause::Watchdog, ResetCause::Firmware, ResetCause::Pin];
+
+fn chips() -> Option<u8> {
+    Some(CHIPS.load(Ordering::Relaxed)).filter(|chips| *chips > 0)
+}
+
+/// Notes what caused the reset, once at the start. The pin is low in every reset: it counts where nothing else does.
+pub fn note_cause(cause: Cause) {
+    let flags = [cause.supply, cause.watchdog, cause.firmware, true];
+    let number = flags.iter().position(|is_set| *is_set).map_or(0, |index| index as u8 + 1);
+    CAUSE.store(number, Ordering::Relaxed);
+}
+
+fn reset_cause() -> Option<ResetCause> {
+    CAUSES.get(usize::from(CAUSE.load(Ordering::Relaxed)).wrapping_sub(1)).copied()
+}
+
+fn clock_source() -> ClockSource {
+    match clocks::source() {
+        clocks::Source::Crystal => ClockSource::Crystal,
+        clocks::Source::Hsi16 => ClockSource::Internal,
+        clocks::Source::Msi => ClockSource::CrystalLost,
+    }
+}
+
+/// A bus error of the DMA channel loses what its ring has.
+fn line_errors(errors: usart::LineErrors) -> LineErrors {
+    let usart::LineErrors { overruns, framing, noise, dropped, dma } = errors;
+    LineErrors { overruns, framing, noise, dropped: dropped.saturating_add(dma) }
+}
+
+type BoardChain = ReadBack<ChainData, ChainClock, ChainLatch, ChainEnable, ChainEnd>;
+
 /// The pins of the control tick.
 pub struct BoardPins {
-    chain: solenoid::Pins<ChainData, ChainClock, ChainLatch, ChainEnable>,
+    chain: BoardChain,
     switches: Switches,
 }
 
 impl BoardPins {
-    /// Takes over the pins, outputs disabled.
+    /// Takes over the pins, outputs disabled, and counts the chips of the chain.
     pub fn new() -> Self {
-        let chain = solenoid::Pins {
+        let pins = solenoid::Pins {
             data: ChainData::new(false),
             clock: ChainClock::new(false),
             latch: ChainLatch::new(false),
             enable: ChainEnable::new(true),
         };
+        let chain = ReadBack::new(pins, ChainEnd::new());
+        CHIPS.store(chain.chips().unwrap_or(0), Ordering::Relaxed);
         Self { chain, switches: Switches::new() }
     }
 }
@@ -115,6 +178,10 @@ impl Chain for BoardPins {
         self.chain.shift(lines);
     }
 
+    fn verify(&mut self, lines: u64) -> Option<bool> {
+        self.chain.verify(lines)
+    }
+
     #[inline(always)]
     fn set_enabled(&mut self, enabled: bool) {
         self.chain.set_enabled(enabled);
@@ -124,7 +191,7 @@ impl Chain for BoardPins {
 impl Pins for BoardPins {
     #[inline(always)]
     fn inputs(&self) -> Inputs {
-        Inputs { switches: self.switches.read(), button: user_button_pressed() }
+        Inputs { switches: self.switches.read(), button: user_button_pressed(), ..Inputs::default() }
     }
 }
 

@@ -1,4 +1,4 @@
-//! How the drivers reach registers and memory: on the chip a volatile access, in tests on a PC the models in `model`.
+//! How the drivers reach registers and memory: on the chip a volatile access, in tests on a PC the models in `tests/model`.
 //!
 //! On the chip every function is one instruction or two, as without this module.
 #[cfg(target_os = "none")]
@@ -6,7 +6,7 @@ use chip as access;
 use stm32_metapac::common::{Access, Read, Reg, Write};
 
 #[cfg(not(target_os = "none"))]
-use crate::model as access;
+use crate::tests::model as access;
 
 /// Reads a register.
 #[inline(always)]

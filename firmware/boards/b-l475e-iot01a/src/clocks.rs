@@ -7,7 +7,7 @@
 //! | HSI16 | 1 % from 0 to 85 °C (DS10969, "HSI16 oscillator characteristics") | it is missing or does not start |
 //! | MSI alone | 4 % over temperature (DS10969, "MSI oscillator characteristics") | it stopped after the start |
 //!
-//! The crystal runs on through a reset, as the backup domain does; after power-on it takes two seconds, for which the start
+//! The crystal continues through a reset, as the backup domain does; after power-on it takes two seconds, for which the start
 //! waits with the outputs disabled. Its clock security system notices when it stops, and ends the PLL mode (RM0351, 6.2.11).
 use stm32_metapac::rcc::vals::{Lsedrv, Pllm, Plln, Pllr, Pllsrc, Rtcsel, Sw};
 use stm32_metapac::{FLASH, PWR, RCC};
@@ -157,7 +157,7 @@ fn require(error: ClockError, condition: impl FnMut() -> bool) -> Result<(), Clo
     if holds(100_000, 1, condition) { Ok(()) } else { Err(error) }
 }
 
-/// Whether a condition comes true, looked at this often with at least so many cycles between two looks.
+/// Whether a condition comes true, looked at this often with at least this number of cycles between two looks.
 fn holds(tries: u32, cycles: u32, mut condition: impl FnMut() -> bool) -> bool {
     (0..tries).any(|_| {
         let holds = condition();

@@ -13,10 +13,28 @@ pub(crate) const RING: usize = 64;
 /// Value of CSELR for the receivers of USART1 and USART2 (RM0351, 11.4.4 "DMA channel mapping").
 const USART: u8 = 2;
 
+/// A channel of DMA1 that serves a receiver (RM0351, 11.4.4 "DMA channel mapping").
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Channel {
+    /// Channel 5: USART1_RX.
+    Usart1,
+    /// Channel 6: USART2_RX.
+    Usart2,
+}
+
+impl Channel {
+    /// Its number, counted from 0.
+    const fn index(self) -> usize {
+        match self {
+            Self::Usart1 => 4,
+            Self::Usart2 => 5,
+        }
+    }
+}
+
 /// A channel with its ring.
 pub(crate) struct Receiver {
-    /// Number of the channel, counted from 0.
-    channel: usize,
+    channel: Channel,
     ring: [AtomicU8; RING],
     /// Where the next byte is taken.
     taken: AtomicUsize,
@@ -25,7 +43,7 @@ pub(crate) struct Receiver {
 /// What the channel has brought since the last look.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Brought {
-    /// So many bytes; [`Receiver::take`] gives them.
+    /// This number of bytes; [`Receiver::take`] gives them.
     Bytes(usize),
     /// The channel may have overtaken the core: what the ring has is lost.
     Lapped,
@@ -34,17 +52,17 @@ pub(crate) enum Brought {
 }
 
 impl Receiver {
-    /// Channel `channel` of DMA1, counted from 0.
-    pub(crate) const fn new(channel: usize) -> Self {
+    /// The channel with an empty ring.
+    pub(crate) const fn new(channel: Channel) -> Self {
         Self { channel, ring: [const { AtomicU8::new(0) }; RING], taken: AtomicUsize::new(0) }
     }
 
     /// Starts the channel on the data register at this address. RM0351, 11.4.5.
     pub(crate) fn start(&'static self, peripheral: u32) {
-        let channel = DMA1.ch(self.channel);
+        let channel = DMA1.ch(self.channel.index());
         bus::write_value(channel.cr(), regs::Cr(0));
         self.clear(self.flags());
-        bus::modify(DMA1.cselr(), |w| w.set_cs(self.channel, USART));
+        bus::modify(DMA1.cselr(), |w| w.set_cs(self.channel.index(), USART));
         bus::write_value(channel.par(), peripheral);
         bus::write_value(channel.mar(), bus::dma_address(&self.ring));
         self.run();
@@ -52,7 +70,7 @@ impl Receiver {
 
     /// Sets the channel to the begin of its ring and enables it.
     fn run(&self) {
-        let channel = DMA1.ch(self.channel);
+        let channel = DMA1.ch(self.channel.index());
         bus::write(channel.ndtr(), |w| w.set_ndt(RING as u16));
         self.taken.store(0, Ordering::Relaxed);
         bus::write(channel.cr(), |w| {
@@ -70,13 +88,13 @@ impl Receiver {
     pub(crate) fn look(&self) -> Brought {
         let (flags, at) = self.settled();
         self.clear(flags);
-        if flags.teif(self.channel) {
-            bus::write_value(DMA1.ch(self.channel).cr(), regs::Cr(0));
+        if flags.teif(self.channel.index()) {
+            bus::write_value(DMA1.ch(self.channel.index()).cr(), regs::Cr(0));
             self.run();
             return Brought::Failed;
         }
         let taken = self.taken.load(Ordering::Relaxed);
-        match brought(taken, at, flags.htif(self.channel), flags.tcif(self.channel)) {
+        match brought(taken, at, flags.htif(self.channel.index()), flags.tcif(self.channel.index())) {
             Some(count) => Brought::Bytes(count),
             None => {
                 self.taken.store(at, Ordering::Relaxed);
@@ -104,12 +122,12 @@ impl Receiver {
 
     /// Where the channel writes next.
     fn place(&self) -> usize {
-        (RING - usize::from(bus::read(DMA1.ch(self.channel).ndtr()).ndt())) % RING
+        (RING - usize::from(bus::read(DMA1.ch(self.channel.index()).ndtr()).ndt())) % RING
     }
 
     /// The flags of this channel.
     fn flags(&self) -> regs::Isr {
-        regs::Isr(bus::read(DMA1.isr()).0 & 0xf << (4 * self.channel))
+        regs::Isr(bus::read(DMA1.isr()).0 & 0xf << (4 * self.channel.index()))
     }
 
     /// Clears these flags alone: those of another channel belong to another handler.
@@ -119,7 +137,7 @@ impl Receiver {
 }
 
 /// Bytes between two places of the channel. `half` and `full`: it has come past the middle, past the end. `None` where it has
-/// passed both: then it may have run around, and what it has overwritten cannot be told from what it has not.
+/// passed both: then it may have run around, and what it has overwritten cannot be distinguished from what it has not.
 const fn brought(from: usize, to: usize, half: bool, full: bool) -> Option<usize> {
     if half && full { None } else { Some((to + RING - from) % RING) }
 }

@@ -1,11 +1,11 @@
 //! Pins as the drivers want them: outputs of the solenoid chain, limit switches as one number, the user button.
 use core::convert::Infallible;
 
-use embedded_hal::digital::{ErrorType, OutputPin};
+use embedded_hal::digital::{ErrorType, InputPin, OutputPin};
 use stm32_metapac::gpio::vals::{Moder, Ospeedr, Ot, Pupdr};
 
 use crate::bus;
-use crate::pins::{CHAIN, Pin, SWITCHES, USER_BUTTON};
+use crate::pins::{CHAIN, CHAIN_END, Pin, SWITCHES, USER_BUTTON};
 
 /// A push-pull output: the pin of [`CHAIN`] with this number. The pin is in the type, so that an edge is one store.
 pub struct Output<const LINE: usize>(());
@@ -57,6 +57,36 @@ impl<const LINE: usize> OutputPin for Output<LINE> {
     fn set_high(&mut self) -> Result<(), Infallible> {
         self.drive(true);
         Ok(())
+    }
+}
+
+/// The far end of the chain.
+pub struct ChainEnd(());
+
+impl ChainEnd {
+    /// Makes the pin an input that reads low when nothing is connected.
+    pub fn new() -> Self {
+        make_input(CHAIN_END, Pupdr::PULL_DOWN);
+        Self(())
+    }
+}
+
+impl Default for ChainEnd {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl ErrorType for ChainEnd {
+    type Error = Infallible;
+}
+impl InputPin for ChainEnd {
+    #[inline(always)]
+    fn is_high(&mut self) -> Result<bool, Infallible> {
+        Ok(bus::read(CHAIN_END.port.idr()).0 >> CHAIN_END.index & 1 == 1)
+    }
+    fn is_low(&mut self) -> Result<bool, Infallible> {
+        self.is_high().map(|is_high| !is_high)
     }
 }
 
@@ -113,8 +143,8 @@ pub(crate) fn alternate(pin: Pin, function: u8, kind: Ot, pull: Pupdr) {
 #[cfg(test)]
 mod tests {
     use super::{ChainClock, ChainData, ChainEnable, ChainLatch, Switches, alternate, user_button_pressed};
-    use crate::model::{self, gpio::Edge};
     use crate::pins::{CHAIN, SERVO_BUS};
+    use crate::tests::model::{self, gpio::Edge};
     use crate::{bus, clocks};
     use embedded_hal::digital::OutputPin as _;
     use stm32_metapac::gpio::vals::{Ot, Pupdr};

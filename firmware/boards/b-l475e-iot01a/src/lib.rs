@@ -19,7 +19,9 @@
 //! | `ecc`      | what a failed error check of the flash means                      |
 //! | `watchdog` | resets the chip when the control tick, or a task it looks after, stops |
 //! | `fault`    | handlers of panic, hard fault and unknown interrupts              |
+//! | `options`  | the option bytes that matter here                                  |
 //! | `restart`  | reset into the firmware or into the chip's loader                 |
+//! | `loader`   | the way into that loader                                          |
 //! | `tasks`    | the control tick, the two tasks, and what they own                |
 //! | `mask`     | the critical section                                              |
 //! | `measure`  | longest tick and longest masked stretch, in the bench image only  |
@@ -37,7 +39,7 @@ pub mod bus;
 #[cfg(any(feature = "chip", test))]
 pub mod clocks;
 #[cfg(any(feature = "chip", test))]
-mod dma;
+pub mod dma;
 pub mod ecc;
 #[cfg(feature = "chip")]
 pub mod emulated;
@@ -47,12 +49,14 @@ mod fault;
 pub mod flash;
 #[cfg(any(feature = "chip", test))]
 pub mod gpio;
+#[cfg(any(feature = "chip", test))]
+pub mod loader;
 #[cfg(feature = "chip")]
 mod mask;
 #[cfg(feature = "bench")]
 pub mod measure;
-#[cfg(test)]
-mod model;
+#[cfg(any(feature = "chip", test))]
+pub mod options;
 #[cfg(any(feature = "chip", test))]
 pub mod pins;
 #[cfg(feature = "chip")]
@@ -61,6 +65,8 @@ pub mod restart;
 mod systick;
 #[cfg(feature = "chip")]
 pub mod tasks;
+#[cfg(test)]
+mod tests;
 #[cfg(feature = "chip")]
 pub mod time;
 #[cfg(feature = "chip")]

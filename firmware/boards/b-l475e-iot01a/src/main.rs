@@ -15,7 +15,9 @@ use defmt_rtt as _;
 #[cortex_m_rt::entry]
 fn main() -> ! {
     restart::enter_loader_if_asked();
-    let crash = crash::take(Board::kept(), watchdog::take_cause().watchdog);
+    let cause = watchdog::take_cause();
+    board::note_cause(cause);
+    let crash = crash::take(Board::kept(), cause.watchdog);
     let crashes = crash::count_crash(Board::kept(), crash.is_some());
     if let Err(error) = clocks::start() {
         crash::give_up::<Board>(format_args!("the clock does not start: {error:?}"));

@@ -9,6 +9,7 @@
 //! | chain, clock                 | PA5  | D13    | output, SRCLK; LED1 flickers with it           |
 //! | chain, latch                 | PA4  | D7     | output, RCLK                                   |
 //! | chain, output enable         | PA15 | D9     | output, OE, active low; high = all outputs off |
+//! | chain, far end               | PA6  | D12    | input with pull-down, from Q7S of the last 74HC595; may be left open |
 //! | limit switches 0..12         | see [`SWITCHES`] | | inputs with pull-down, closed = high       |
 //! | user button                  | PC13 | –      | blue button B2, pull-up, pressed = low         |
 //!
@@ -46,6 +47,9 @@ pub const CHAIN_ENABLE: Pin = pin(GPIOA, 15);
 
 /// The chain's four pins, as [`crate::gpio::Output`] numbers them.
 pub const CHAIN: [Pin; 4] = [CHAIN_DATA, CHAIN_CLOCK, CHAIN_LATCH, CHAIN_ENABLE];
+
+/// Serial output of the last chip of the solenoid chain.
+pub const CHAIN_END: Pin = pin(GPIOA, 6);
 
 /// The blue button B2 on the board (UM2153, "Buttons and LEDs"), low while it is pressed.
 pub const USER_BUTTON: Pin = pin(GPIOC, 13);

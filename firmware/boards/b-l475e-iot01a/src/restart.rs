@@ -5,8 +5,8 @@ use core::ptr::addr_of_mut;
 use cortex_m::peripheral::SCB;
 use darm_core::wire::bootstrap::RebootTarget;
 
-/// Vector table of the system memory (AN2606).
-const SYSTEM_MEMORY: u32 = 0x1FFF_0000;
+use crate::loader;
+
 const MAGIC: u32 = 0x6c6f_6164;
 
 /// Outlives the reset; start-up code leaves this section alone.
@@ -35,7 +35,8 @@ pub fn enter_loader_if_asked() {
     // SAFETY: as above.
     unsafe { slot.write_volatile(0) };
     if asked && !crate::emulated::emulated() {
+        loader::map();
         // SAFETY: nothing has started yet, and the loader's vector table lies at this address on every chip of the line.
-        unsafe { cortex_m::asm::bootload(SYSTEM_MEMORY as *const u32) }
+        unsafe { cortex_m::asm::bootload(loader::SYSTEM_MEMORY as *const u32) }
     }
 }

@@ -35,7 +35,6 @@ use static_cell::StaticCell;
 use stm32_metapac::interrupt;
 
 use crate::board::{Board, BoardPins, COMMON, CONTROL};
-use crate::gpio::ChainEnable;
 use crate::time::BoardClock;
 use crate::{uart, watchdog};
 
@@ -153,10 +152,10 @@ fn used() -> &'static mut DutyMeters {
 
 /// Starts the control tick and the watchdog that it feeds. Called once, as what is built before can be built once only.
 #[inline(never)]
-fn start_control() {
+fn start_control(pins: BoardPins) {
     let ticker = &raw mut TICKER;
     // SAFETY: nothing else refers to it, as its interrupt is still masked.
-    unsafe { (*ticker).write(Ticker::new(BoardClock.now(), BoardPins::new(), used(), &SHARED)) };
+    unsafe { (*ticker).write(Ticker::new(BoardClock.now(), pins, used(), &SHARED)) };
     watchdog::start();
     NVIC::unpend(CONTROL);
     // SAFETY: what the handler uses is there.
@@ -168,17 +167,17 @@ fn start_control() {
 /// A board that is held has the console alone, and its outputs disabled.
 #[inline(never)]
 pub fn start(crash: Option<CrashRecord>, start: Start, room: &'static mut Room) {
+    // Before the dispatcher, which says how many lines there are. The pins keep the levels that they get here.
+    let pins = BoardPins::new();
     let Ok(console) = console(dispatcher(crash, room), table(), profile(), start) else { twice() };
     if start == Start::Recovery {
-        // The pin keeps the level that it gets here.
-        ChainEnable::new(true);
         // The console feeds it.
         watchdog::start();
         EXECUTOR.start(COMMON).spawn(console);
         return;
     }
     let Ok(servos) = servos() else { twice() };
-    start_control();
+    start_control(pins);
     let common = EXECUTOR.start(COMMON);
     common.spawn(console);
     common.spawn(servos);

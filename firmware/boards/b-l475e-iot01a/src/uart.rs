@@ -5,6 +5,7 @@ use embedded_io_async::{Read, Write};
 use stm32_metapac::gpio::vals::{Ot, Pupdr};
 use stm32_metapac::{Interrupt, USART1, USART2, interrupt};
 
+use crate::dma::Channel;
 use crate::emulated::emulated;
 use crate::gpio::alternate;
 use crate::pins::{CONSOLE_RX, CONSOLE_TX, SERVO_BUS};
@@ -13,11 +14,10 @@ use crate::usart::{Line, Port, Reception};
 /// Both USARTs are alternate function 7 on these pins (DS10969, table 17).
 const AF_USART: u8 = 7;
 
-/// USART1, the console: receives the three frames that a host sends ahead in an upload, a stop frame and a line. Channel 5.
-pub static CONSOLE: Port<{ 4 * MAX_FRAME + 128 }, 512> = Port::new(USART1, 4);
+/// USART1, the console: receives the three frames that a host sends ahead in an upload, a stop frame and a line.
+pub static CONSOLE: Port<{ 4 * MAX_FRAME + 128 }, 512> = Port::new(USART1, Channel::Usart1);
 /// USART2, the servo bus: one packet at a time, of 16 bytes at most, its echo, and what of a late answer may precede it.
-/// Channel 6.
-pub static SERVOS: Port<128, 64> = Port::new(USART2, 5);
+pub static SERVOS: Port<128, 64> = Port::new(USART2, Channel::Usart2);
 
 /// Starts the console at 115 200 baud.
 pub fn start_console() -> (impl Read, impl Write) {
@@ -55,7 +55,7 @@ fn USART1() {
 
 #[interrupt]
 fn DMA1_CHANNEL5() {
-    CONSOLE.on_interrupt();
+    CONSOLE.on_dma_interrupt();
 }
 
 #[interrupt]
@@ -65,5 +65,5 @@ fn USART2() {
 
 #[interrupt]
 fn DMA1_CHANNEL6() {
-    SERVOS.on_interrupt();
+    SERVOS.on_dma_interrupt();
 }

@@ -72,8 +72,8 @@ pub struct Port<const RX: usize, const TX: usize> {
 }
 
 impl<const RX: usize, const TX: usize> Port<RX, TX> {
-    /// A port with the channel of DMA1, counted from 0, that serves its receiver.
-    pub const fn new(registers: Usart, channel: usize) -> Self {
+    /// A port with the channel that serves its receiver.
+    pub const fn new(registers: Usart, channel: dma::Channel) -> Self {
         Self {
             registers,
             channel: dma::Receiver::new(channel),
@@ -125,7 +125,12 @@ impl<const RX: usize, const TX: usize> Port<RX, TX> {
         }
     }
 
-    /// The handler of the USART's interrupt and of its channel's; both have one priority.
+    /// The handler of the channel's interrupt, which has the priority of the USART's.
+    pub fn on_dma_interrupt(&self) {
+        self.receive_by_dma();
+    }
+
+    /// The handler of the USART's interrupt.
     pub fn on_interrupt(&self) {
         let status = bus::read(self.registers.isr());
         self.count_errors(status);

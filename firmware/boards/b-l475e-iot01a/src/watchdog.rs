@@ -31,16 +31,18 @@ pub fn feed() {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Cause {
     /// The supply fell below the level of the option bytes, or came up.
-    pub brown_out: bool,
+    pub supply: bool,
     /// The independent watchdog.
     pub watchdog: bool,
+    /// The firmware.
+    pub firmware: bool,
 }
 
 /// What caused the last reset; forgets it.
 pub fn take_cause() -> Cause {
     let flags = bus::read(RCC.csr());
     bus::modify(RCC.csr(), |w| w.set_rmvf(true));
-    Cause { brown_out: flags.borrstf(), watchdog: flags.iwdgrstf() }
+    Cause { supply: flags.borrstf(), watchdog: flags.iwdgrstf(), firmware: flags.sftrstf() }
 }
 
 #[cfg(test)]

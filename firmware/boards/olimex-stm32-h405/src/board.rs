@@ -196,6 +196,10 @@ impl Chain for BoardPins {
 
 impl Pins for BoardPins {
     fn inputs(&self) -> Inputs {
-        Inputs { switches: GPIOC.idr().read().0 & ((1 << INPUTS) - 1), button: Board::is_button_closed() }
+        Inputs {
+            switches: GPIOC.idr().read().0 & ((1 << INPUTS) - 1),
+            button: Board::is_button_closed(),
+            ..Inputs::default()
+        }
     }
 }

@@ -143,6 +143,10 @@ impl darm_firmware::solenoid::Chain for BoardPins {
 impl Pins for BoardPins {
     fn inputs(&self) -> Inputs {
         let levels = pac::SIO.gpio_in(0).read();
-        Inputs { switches: levels >> FIRST_INPUT & ((1 << INPUTS) - 1), button: is_jumper_closed() }
+        Inputs {
+            switches: levels >> FIRST_INPUT & ((1 << INPUTS) - 1),
+            button: is_jumper_closed(),
+            ..Inputs::default()
+        }
     }
 }

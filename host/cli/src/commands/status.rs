@@ -3,6 +3,7 @@
 use darm_core::sequencer::{Fault, Phase, ServoSeen};
 use darm_core::units::{Digest, Micros};
 use darm_core::wire::bootstrap::{CrashKind, CrashRecord};
+use darm_core::wire::health::{ChipOptions, Health};
 use darm_core::wire::message::{self, OutputState};
 use darm_device::client::Client;
 use serde::Serialize;
@@ -50,6 +51,8 @@ struct Report {
     boots: u32,
     bad_frames: u32,
     worst_lateness_s: f64,
+    /// What the board reports of itself; `None` from firmware that does not.
+    health: Option<Health>,
     crash: Option<String>,
     up_s: Option<f64>,
 }
@@ -84,8 +87,9 @@ impl Status {
         let mut client = self.port.connect()?;
         let status = client.status()?;
         let outputs = client.outputs()?;
+        let health = client.health()?;
         let crash = client.last_crash()?.as_ref().map(crash_text);
-        ui.print(&report(&client, &status, &outputs, crash))?;
+        ui.print(&Report { health, ..report(&client, &status, &outputs, crash) })?;
         match status.phase {
             Phase::Safe(fault) => Err(SafeState(fault.to_string()).into()),
             _ => Ok(()),
@@ -115,6 +119,7 @@ fn report(client: &Client, status: &message::Status, outputs: &[OutputState], cr
         boots: client.hello().map_or(0, |hello| hello.boots),
         bad_frames: status.bad_frames,
         worst_lateness_s: 1e-6 * f64::from(status.worst_lateness_us),
+        health: None,
         crash,
         up_s: client.clock().offset().map(|offset| client.now_s() - offset.at_s),
     }
@@ -193,6 +198,33 @@ fn crash_text(crash: &CrashRecord) -> String {
     format!("{kind} {:.3} s after the start{place}: {}", crash.uptime_us as f64 * 1e-6, crash.text)
 }
 
+/// What a person should know of the board itself: a line for each thing that is known.
+fn health_lines(health: &Health) -> Vec<String> {
+    let mut lines = Vec::new();
+    lines.extend(health.clock.map(|clock| format!("clock     {clock}")));
+    lines.extend(health.reset.map(|cause| format!("reset     by {cause}")));
+    lines.push(format!("console   {}", health.console));
+    lines.push(format!("servo bus {}, {} visits without an answer", health.servo_bus, health.servos_unanswered));
+    lines.push(format!(
+        "flash     {} words corrected, {} damaged words in the data",
+        health.flash_corrected, health.flash_uncorrected
+    ));
+    lines.extend(
+        health.chain.map(|chain| format!("chain     {} chips, {} errors at its far end", chain.chips, chain.errors)),
+    );
+    lines.extend(health.options.as_ref().map(options_line));
+    lines
+}
+
+fn options_line(options: &ChipOptions) -> String {
+    format!(
+        "options   brown-out at {:.1} V, debugger {}, on-times {} a reset",
+        f64::from(options.brown_out_mv) * 1e-3,
+        if options.debugger_allowed { "allowed" } else { "locked out" },
+        if options.keeps_on_times { "survive" } else { "are lost at" }
+    )
+}
+
 impl Report {
     fn state(&self) -> String {
         match (self.phase, &self.fault, self.row) {
@@ -241,6 +273,7 @@ impl Answer for Report {
             self.bad_frames,
             1e6 * self.worst_lateness_s
         ));
+        lines.extend(self.health.iter().flat_map(health_lines));
         lines.extend(self.crash.iter().map(|crash| format!("crash     {crash}")));
         lines.join("\n")
     }

@@ -12,6 +12,7 @@ use darm_core::table::Table;
 use darm_core::units::{DeviceId, Micros};
 use darm_core::wire::bootstrap::{Identity, RebootTarget};
 use darm_core::wire::caps::Caps;
+use darm_core::wire::health::Health;
 use darm_firmware::app::serve;
 use darm_firmware::clock::Clock;
 use darm_firmware::control::{Control, Inputs, Shared, TICK};
@@ -154,7 +155,7 @@ async fn run_on(flash: impl NorFlash, chip: Chip, wires: Rc<Wires>, used: Rc<Ref
         let identity = Identity { device: DEVICE, board: name.parse().expect("a name that fits") };
         let caps = Caps::largest(name, SLOT_BYTES as u32, BUILD);
         let mut dispatcher = Dispatcher::new(
-            Board { identity, crash: None, caps, guards_loader: chip.guards_loader() },
+            Board { identity, crash: None, caps, guards_loader: chip.guards_loader(), health: Health::default },
             &wires.clock,
             &shared,
             &mut room,
@@ -188,7 +189,7 @@ async fn control<'t>(wires: &Rc<Wires>, shared: &Shared<'t>, used: &'t mut DutyM
         while due + TICK <= wires.clock.now() {
             due = due + TICK;
         }
-        let inputs = Inputs { switches: wires.switches.get(), button: wires.button.get() };
+        let inputs = Inputs { switches: wires.switches.get(), button: wires.button.get(), ..Inputs::default() };
         let outputs = control.tick(wires.clock.now(), due, inputs, shared);
         solenoids.apply(outputs.lines, outputs.enabled);
     }

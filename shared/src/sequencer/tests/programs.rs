@@ -99,6 +99,22 @@ fn a_table_is_handed_over_only_at_rest() {
 }
 
 #[test]
+fn a_broken_chain_latches_until_it_is_whole_again() {
+    let mut bench = Bench::new(&two_valves(&[row(0, "10"), end(90)]));
+    bench.command(Command::Play).unwrap();
+    assert_eq!(bench.run(5).outputs.lines, 1);
+    bench.seen.chain_broken = true;
+    bench.run(1);
+    assert_eq!((bench.outputs.enabled, bench.outputs.lines), (false, 0));
+    assert_eq!(bench.fault(), Some(FaultKind::Chain));
+    bench.command(Command::Clear).unwrap();
+    assert_eq!(bench.run(1).fault(), Some(FaultKind::Chain), "it latches again");
+    bench.seen.chain_broken = false;
+    bench.run(1).command(Command::Clear).unwrap();
+    assert_eq!(bench.run(1).fault(), None);
+}
+
+#[test]
 fn the_emergency_stop_latches_within_one_tick() {
     let mut bench = Bench::with(&two_valves(&[row(0, "10"), end(90)]), |profile| {
         profile.emergency_stop = Some(EmergencyStop { input: 12, opens: true });

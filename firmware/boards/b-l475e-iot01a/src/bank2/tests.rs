@@ -7,7 +7,7 @@ use stm32_metapac::FLASH;
 use super::{Bank2, FlashError, PAGE_BYTES, corrected_errors, double_errors, on_nmi};
 use crate::bus;
 use crate::ecc::DoubleError;
-use crate::model::{self, BANK_2, Ecc, ModelClock, flash};
+use crate::tests::model::{self, BANK_2, Ecc, ModelClock, flash};
 
 const WORD: [u8; 8] = [1, 2, 3, 4, 5, 6, 7, 8];
 /// A page in use, not the first.

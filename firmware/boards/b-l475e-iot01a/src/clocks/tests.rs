@@ -5,7 +5,7 @@ use stm32_metapac::{FLASH, PWR, RCC, USART1};
 
 use super::{ClockError, HCLK_HZ, Source, source, start};
 use crate::bus;
-use crate::model::{self, Crystal, rcc};
+use crate::tests::model::{self, Crystal, rcc};
 
 fn hclk_hz() -> f64 {
     model::with(|chip| chip.rcc.hclk_hz())

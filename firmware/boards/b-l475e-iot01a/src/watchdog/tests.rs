@@ -5,7 +5,7 @@ use stm32_metapac::iwdg::vals::Key;
 
 use super::{Cause, feed, start, take_cause};
 use crate::bus;
-use crate::model::{self, rcc, watchdog::LSI_HZ};
+use crate::tests::model::{self, rcc, watchdog::LSI_HZ};
 
 /// How long after the last feed this chip's watchdog bites, ms.
 fn bites_after_ms(lsi_hz: f64) -> f64 {
@@ -51,10 +51,10 @@ fn a_watchdog_that_never_updates_does_not_hold_the_start_up() {
 #[test]
 fn the_cause_of_a_reset_is_read_once() {
     model::power_on();
-    assert_eq!(take_cause(), Cause { brown_out: true, watchdog: false });
+    assert_eq!(take_cause(), Cause { supply: true, watchdog: false, firmware: false });
     model::with(|chip| chip.rcc.reset(rcc::IWDGRSTF));
-    assert_eq!(take_cause(), Cause { brown_out: false, watchdog: true });
-    assert_eq!(take_cause(), Cause { brown_out: false, watchdog: false });
+    assert_eq!(take_cause(), Cause { supply: false, watchdog: true, firmware: false });
+    assert_eq!(take_cause(), Cause { supply: false, watchdog: false, firmware: false });
 }
 
 /// 36.3.2 "Window option": a feed above the window resets as well.

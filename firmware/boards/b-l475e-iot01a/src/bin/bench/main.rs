@@ -13,6 +13,7 @@ mod laws;
 mod puma560;
 
 use core::fmt::Display;
+use core::mem::MaybeUninit;
 
 use cortex_m_semihosting::{debug, hprintln};
 use darm_b_l475e_iot01a::flash::Flash;
@@ -41,7 +42,6 @@ use darm_firmware::store::Store;
 use defmt_rtt as _;
 use serde::Serialize;
 use sha2::{Digest as _, Sha256};
-use static_cell::StaticCell;
 
 /// The planar arm of four modules, and all that a board drives.
 const ARMS: [(&str, usize, usize); 2] = [("arm_12", 12, 0), ("arm_full", MAX_ACTUATORS, MAX_SERVOS)];
@@ -57,6 +57,10 @@ const MODULED: usize = 12;
 /// What 115 200 baud carry between two wake-ups of the main thread, 500 µs.
 const BYTES_PER_WAKE: usize = 6;
 const SERVO_RAD: f32 = 0.2;
+
+/// The recorded upload. The RAM that is cleared at the start has no room for it, see `memory.x`.
+#[unsafe(link_section = ".above.RECORDED")]
+static mut TABLE: MaybeUninit<Recorded> = MaybeUninit::uninit();
 
 /// Modules with six binary legs of the arm for which it is used.
 const MODULES: usize = 6;
@@ -318,8 +322,9 @@ fn measure_all(stack: &Stack, profile: Digest) {
     // After power-up every output counts as used to its limit.
     host.watch(2 * LIMIT.window_ms);
     print("start", "control_tick", measure::take().tick, "instructions");
-    static TABLE: StaticCell<Recorded> = StaticCell::new();
-    let table = TABLE.init_with(|| Recorded::new(ImageKind::Table, 0));
+    let table = &raw mut TABLE;
+    // SAFETY: nothing else refers to it, as this is called once.
+    let table = unsafe { (*table).write(Recorded::new(ImageKind::Table, 0)) };
     for (name, actuators, servos) in ARMS {
         record(table, profile, actuators, servos);
         host.watch(50);

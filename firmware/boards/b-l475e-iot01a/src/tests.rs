@@ -1,0 +1,2 @@
+//! What the tests of all drivers use: models of the chip.
+pub(crate) mod model;

@@ -1,0 +1,164 @@
+//! The driver on a chain of 74HC595, with and without its far end wired back.
+
+use super::{Pins, REFRESH_TICKS, ReadBack, Solenoids};
+use core::cell::Cell;
+use core::convert::Infallible;
+use embedded_hal::digital::{ErrorType, InputPin, OutputPin};
+
+/// What a chain of 74HC595 does with the four wires.
+#[derive(Default)]
+struct Chain {
+    levels: [Cell<bool>; 4],
+    shifted: Cell<u64>,
+    latched: Cell<u64>,
+    edges: Cell<u32>,
+    /// Shift registers up to the far end; 0 while nothing is wired to it.
+    chips: Cell<u32>,
+}
+
+impl Chain {
+    fn edge(&self, wire: usize, high: bool) {
+        let rises = !self.levels[wire].replace(high) && high;
+        self.edges.set(self.edges.get() + 1);
+        if wire == 1 && rises {
+            self.shifted.set(self.shifted.get() << 1 | u64::from(self.levels[0].get()));
+        }
+        if wire == 2 && rises {
+            self.latched.set(self.shifted.get());
+        }
+    }
+
+    fn outputs(&self, lines: u32) -> u64 {
+        if self.levels[3].get() { 0 } else { self.latched.get() & (u64::MAX >> (64 - lines)) }
+    }
+}
+
+struct Wire<'a>(&'a Chain, usize);
+impl ErrorType for Wire<'_> {
+    type Error = Infallible;
+}
+impl OutputPin for Wire<'_> {
+    fn set_low(&mut self) -> Result<(), Infallible> {
+        self.0.edge(self.1, false);
+        Ok(())
+    }
+    fn set_high(&mut self) -> Result<(), Infallible> {
+        self.0.edge(self.1, true);
+        Ok(())
+    }
+}
+
+impl InputPin for Wire<'_> {
+    fn is_high(&mut self) -> Result<bool, Infallible> {
+        let chips = self.0.chips.get();
+        Ok(chips > 0 && self.0.shifted.get() >> (8 * chips - 1) & 1 == 1)
+    }
+    fn is_low(&mut self) -> Result<bool, Infallible> {
+        self.is_high().map(|high| !high)
+    }
+}
+
+/// A chain of this many chips with its far end wired back.
+fn read_back(chain: &Chain, chips: u32) -> ReadBack<Wire<'_>, Wire<'_>, Wire<'_>, Wire<'_>, Wire<'_>> {
+    chain.chips.set(chips);
+    let wire = |index| Wire(chain, index);
+    ReadBack::new(Pins { data: wire(0), clock: wire(1), latch: wire(2), enable: wire(3) }, wire(4))
+}
+
+#[test]
+fn the_chips_of_a_chain_are_counted_with_the_outputs_disabled() {
+    for chips in 1..=8 {
+        let chain = Chain::default();
+        assert_eq!(read_back(&chain, chips).chips(), Some(chips as u8));
+        assert!(chain.levels[3].get() && chain.shifted.get() == 0);
+    }
+    assert_eq!(read_back(&Chain::default(), 0).chips(), None);
+}
+
+#[test]
+fn a_chain_that_breaks_is_found_at_the_second_refresh_and_one_that_heals_is_whole() {
+    for chips in [1, 2, 5, 8] {
+        let chain = Chain::default();
+        let mut solenoids = Solenoids::new(read_back(&chain, chips));
+        let ticks = |solenoids: &mut Solenoids<_>, ticks: u8| (0..ticks).for_each(|_| solenoids.apply(0x5a, true));
+        ticks(&mut solenoids, 2 * REFRESH_TICKS + 1);
+        assert!(!solenoids.is_broken() && solenoids.errors() == 0);
+        chain.chips.set(0);
+        ticks(&mut solenoids, REFRESH_TICKS);
+        assert!(!solenoids.is_broken() && solenoids.errors() == 1);
+        ticks(&mut solenoids, 1);
+        assert!(solenoids.is_broken());
+        chain.chips.set(chips);
+        ticks(&mut solenoids, 1);
+        assert!(!solenoids.is_broken());
+    }
+}
+
+#[test]
+fn a_chip_that_is_missing_later_is_found() {
+    let chain = Chain::default();
+    let mut solenoids = Solenoids::new(read_back(&chain, 3));
+    chain.chips.set(2);
+    (0..=REFRESH_TICKS + 1).for_each(|_| solenoids.apply(0x01_00_5a, true));
+    assert!(solenoids.is_broken());
+}
+
+type OnChain<'a> = Solenoids<Pins<Wire<'a>, Wire<'a>, Wire<'a>, Wire<'a>>>;
+
+fn solenoids(chain: &Chain) -> OnChain<'_> {
+    let wire = |index| Wire(chain, index);
+    Solenoids::new(Pins { data: wire(0), clock: wire(1), latch: wire(2), enable: wire(3) })
+}
+
+#[test]
+fn lines_come_out_where_they_belong() {
+    let chain = Chain::default();
+    let mut solenoids = solenoids(&chain);
+    solenoids.apply(0xa5_3c, true);
+    assert_eq!(chain.outputs(16), 0xa5_3c);
+    solenoids.apply(0x8000_0000_0000_0001, true);
+    assert_eq!(chain.outputs(64), 0x8000_0000_0000_0001);
+}
+
+#[test]
+fn nothing_is_driven_before_it_is_enabled() {
+    let chain = Chain::default();
+    let mut solenoids = solenoids(&chain);
+    solenoids.apply(0xff, false);
+    assert_eq!((chain.outputs(16), chain.latched.get() & 0xff), (0, 0xff));
+}
+
+#[test]
+fn safe_takes_one_edge() {
+    let chain = Chain::default();
+    let mut solenoids = solenoids(&chain);
+    solenoids.apply(0xff, true);
+    let before = chain.edges.get();
+    solenoids.safe();
+    assert_eq!((chain.edges.get() - before, chain.outputs(16)), (1, 0));
+}
+
+#[test]
+fn unchanged_lines_are_shifted_only_for_a_refresh() {
+    let chain = Chain::default();
+    let mut solenoids = solenoids(&chain);
+    solenoids.apply(1, true);
+    chain.shifted.set(u64::MAX);
+    let before = chain.edges.get();
+    (1..REFRESH_TICKS).for_each(|_| solenoids.apply(1, true));
+    assert_eq!(chain.edges.get(), before);
+    solenoids.apply(1, true);
+    assert_eq!(chain.outputs(16), 1);
+}
+
+#[test]
+fn no_line_beyond_the_table_ever_goes_high() {
+    let chain = Chain::default();
+    let mut solenoids = solenoids(&chain);
+    (0..3).for_each(|_| {
+        solenoids.apply(0xff, true);
+        solenoids.apply(0x00, true);
+        solenoids.apply(0xff, true);
+    });
+    assert_eq!(chain.outputs(24), 0xff, "a chain of three chips, a table of one");
+}
