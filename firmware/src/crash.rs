@@ -13,7 +13,7 @@ use darm_core::wire::bootstrap::CrashKind;
 use crate::clock::Clock;
 use crate::hardware::Hardware;
 use crate::kept::keep;
-pub use crate::kept::{Kept, Registers, count_crash, forget_crashes, take};
+pub use crate::kept::{Kept, Registers, count_crash, forget_crashes, past, take};
 use crate::life;
 
 /// Ends this start: outputs disabled, record, reset.

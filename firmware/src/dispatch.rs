@@ -25,7 +25,8 @@ use embedded_storage_async::nor_flash::NorFlash;
 
 use crate::clock::Clock;
 use crate::control::{Numbered, Order, Outcome, Shared};
-use crate::log::EventLog;
+use crate::kept::{Kept, past};
+use crate::log::{EventLog, LogMemory};
 use crate::nearest::Room;
 use crate::store::Store;
 pub(crate) use encode::encode;
@@ -68,6 +69,8 @@ pub struct Board {
     pub guards_loader: bool,
     /// What it reports of itself.
     pub health: fn() -> Health,
+    /// Memory with its earlier crashes, where it has some.
+    pub kept: Option<&'static Kept>,
 }
 
 /// Answers to the host.
@@ -75,7 +78,7 @@ pub struct Dispatcher<'s, 't, F: NorFlash, C> {
     pub(crate) board: Board,
     pub(crate) clock: C,
     pub(crate) shared: &'s Shared<'t>,
-    pub(crate) log: EventLog,
+    pub(crate) log: EventLog<'s>,
     /// Set when the board is to restart, once the answer has left.
     reboot: Option<bootstrap::RebootTarget>,
     /// A new profile is stored: no stop puts off the restart that brings it into force.
@@ -120,12 +123,13 @@ pub type Frame = heapless::Vec<u8, MAX_FRAME>;
 
 impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
     /// A dispatcher that knows nothing yet; [`Dispatcher::open`] it before it answers.
-    pub fn new(board: Board, clock: C, shared: &'s Shared<'t>, room: &'s mut Room) -> Self {
+    /// `log` is what memory has kept of the last events.
+    pub fn new(board: Board, clock: C, shared: &'s Shared<'t>, room: &'s mut Room, log: &'s mut LogMemory) -> Self {
         Self {
             board,
             clock,
             shared,
-            log: EventLog::default(),
+            log: EventLog::new(log),
             reboot: None,
             is_profile_new: false,
             store: None,
@@ -323,6 +327,8 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
             Request::Calibration => Ok(Answer::Calibration(self.calibration?)),
             Request::Outputs { from } => Ok(Answer::Outputs(self.outputs(from).await)),
             Request::Health => Ok(Answer::Health(self.health())),
+            Request::PastEvents { skip } => Ok(Answer::PastEvents(self.log.before(skip))),
+            Request::PastCrash { back } => Ok(Answer::PastCrash(self.past_crash(back))),
         }
     }
 
@@ -350,6 +356,11 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
             Phase::Idle | Phase::Safe(_) => Ok(()),
             Phase::Manual | Phase::Approaching { .. } | Phase::Playing { .. } => Err(Refusal::Busy),
         }
+    }
+
+    /// An earlier crash, 0 the last one.
+    pub(crate) fn past_crash(&self, back: u8) -> Option<CrashRecord> {
+        self.board.kept.and_then(|kept| past(kept, back))
     }
 
     fn store(&mut self) -> Result<&mut Store<F>, Refusal> {

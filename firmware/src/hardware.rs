@@ -155,7 +155,11 @@ impl<H: Hardware> ConsoleMemory<H> {
         crash: Option<CrashRecord>,
         shared: &'static Shared<'static>,
     ) -> &'static mut OnBoard<H> {
-        self.dispatcher.init_with(|| Dispatcher::new(describe::<H>(crash), H::CLOCK, shared, self.room()))
+        self.dispatcher.init_with(|| {
+            // SAFETY: the dispatcher is built once.
+            let log = unsafe { H::kept().log() };
+            Dispatcher::new(describe::<H>(crash), H::CLOCK, shared, self.room(), log)
+        })
     }
 
     #[inline(never)]
@@ -189,6 +193,7 @@ pub fn describe<H: Hardware>(crash: Option<CrashRecord>) -> Board {
         caps: caps::<H>(),
         guards_loader: H::GUARDS_LOADER,
         health: H::health,
+        kept: Some(H::kept()),
     }
 }
 

@@ -1,4 +1,4 @@
-//! Memory that outlives a reset: how the last start ended, and how many crashed in a row.
+//! Memory that outlives a reset: how the last starts ended, how many crashed in a row, and the last events.
 
 use core::cell::UnsafeCell;
 use core::fmt::{self, Write};
@@ -8,13 +8,21 @@ use darm_core::units::Micros;
 use darm_core::wire::bootstrap::{CrashKind, CrashRecord, MAX_TEXT};
 
 use crate::life;
+use crate::log::LogMemory;
 
-const MAGIC: u32 = 0x6461_726d;
+/// Marks a record that no start has read.
+const NEW: u32 = 0x6461_726d;
+/// Marks one that has been reported as the crash of the last start.
+const READ: u32 = 0x7265_6164;
+/// Crashes kept.
+pub const CRASHES: usize = 4;
 
 #[derive(Clone, Copy)]
 #[repr(C)]
 struct Record {
     magic: u32,
+    /// Counts the crashes, and wraps.
+    order: u32,
     kind: u32,
     uptime_us: u64,
     pc: u32,
@@ -24,8 +32,8 @@ struct Record {
     check: u32,
 }
 
-/// Memory that outlives a reset: the record of a crash, and how many there were in a row with the complement of that
-/// number, which distinguishes it from the noise after power-on. A board puts it where start-up code neither clears nor
+/// Memory that outlives a reset: the records of the last crashes, how many there were in a row with the complement of that
+/// number, which distinguishes it from the noise after power-on, and the last events. A board puts it where start-up code neither clears nor
 /// fills:
 ///
 /// ```
@@ -34,26 +42,67 @@ struct Record {
 /// static KEPT: Kept = Kept::new();
 /// ```
 pub struct Kept {
-    record: UnsafeCell<MaybeUninit<Record>>,
+    records: UnsafeCell<MaybeUninit<[Record; CRASHES]>>,
     crashes: UnsafeCell<MaybeUninit<[u32; 2]>>,
+    log: UnsafeCell<MaybeUninit<LogMemory>>,
 }
 
-// SAFETY: every access is a volatile one of this module, at start before any interrupt, in a handler that never returns, or
-// of a count whose halves disagree where two were mixed, which counts as none.
+// SAFETY: every access is a volatile one of this module, at start before any interrupt, in a handler that never returns, of a
+// record whose check fails where it is read half-written, or of a count whose halves disagree where two were mixed, which counts
+// as none. The events have one owner, see `Kept::log`.
 unsafe impl Sync for Kept {}
 
 impl Kept {
     /// Memory with any content.
     pub const fn new() -> Self {
-        Self { record: UnsafeCell::new(MaybeUninit::uninit()), crashes: UnsafeCell::new(MaybeUninit::uninit()) }
+        Self {
+            records: UnsafeCell::new(MaybeUninit::uninit()),
+            crashes: UnsafeCell::new(MaybeUninit::uninit()),
+            log: UnsafeCell::new(MaybeUninit::uninit()),
+        }
     }
 
     fn crashes(&self) -> *mut [u32; 2] {
         self.crashes.get().cast()
     }
 
-    fn record(&self) -> *mut Record {
-        self.record.get().cast()
+    /// The memory of the events.
+    ///
+    /// # Safety
+    ///
+    /// Called once: nothing else may refer to it.
+    #[expect(clippy::mut_from_ref, reason = "the caller promises to be the only one")]
+    pub unsafe fn log(&'static self) -> &'static mut LogMemory {
+        // SAFETY: any content is a memory of events, and the caller promises that nothing else refers to it.
+        unsafe { (*self.log.get()).assume_init_mut() }
+    }
+
+    fn slot(&self, order: u32) -> *mut Record {
+        self.records.get().cast::<Record>().wrapping_add(order as usize % CRASHES)
+    }
+
+    /// The valid record in a slot.
+    fn record(&self, order: u32) -> Option<&Record> {
+        // SAFETY: every bit pattern is a `Record`, the pointer lies in `self`, and who writes a record never returns or is the
+        // start, which reads no more.
+        let record = unsafe { &*self.slot(order) };
+        record.is_valid().then_some(record)
+    }
+
+    /// The record of the last crash.
+    fn newest(&self) -> Option<&Record> {
+        let is_newer = |a: &Record, b: &Record| (b.order.wrapping_sub(a.order) as i32) > 0;
+        (0..CRASHES as u32).filter_map(|slot| self.record(slot)).reduce(|a, b| if is_newer(a, b) { b } else { a })
+    }
+
+    fn set_record(&self, record: Record) {
+        // SAFETY: interrupts are masked, or the start has not begun any; the pointer is that of a static.
+        unsafe { self.slot(record.order).write_volatile(record) };
+    }
+
+    /// The order of the next crash.
+    fn next(&self) -> u32 {
+        self.newest().map_or(0, |record| record.order.wrapping_add(1))
     }
 
     fn set_crashes(&self, count: u32) {
@@ -91,19 +140,45 @@ const fn number(kind: CrashKind) -> u32 {
 }
 
 impl Record {
-    fn new(kind: CrashKind, uptime: Micros, at: Registers, message: fmt::Arguments) -> Self {
+    fn new(order: u32, kind: CrashKind, uptime: Micros, at: Registers) -> Self {
         let (kind, uptime_us) = (number(kind), uptime.0);
         let Registers { pc, lr } = at;
-        let mut record = Self { magic: MAGIC, kind, uptime_us, pc, lr, len: 0, message: [0; MAX_TEXT], check: 0 };
+        Self { magic: NEW, order, kind, uptime_us, pc, lr, len: 0, message: [0; MAX_TEXT], check: 0 }
+    }
+
+    fn saying(mut self, message: fmt::Arguments) -> Self {
         // A message that does not fit is cut; there is nowhere to report it.
-        let _ = record.write_fmt(message);
-        record.check = record.sum();
-        record
+        let _ = self.write_fmt(message);
+        self.marked(NEW)
+    }
+
+    /// With this mark and a check.
+    fn marked(mut self, magic: u32) -> Self {
+        self.magic = magic;
+        self.check = self.sum();
+        self
+    }
+
+    fn is_valid(&self) -> bool {
+        [NEW, READ].contains(&self.magic) && self.check == self.sum()
+    }
+
+    fn decode(&self) -> CrashRecord {
+        let bytes = self.message.get(..self.len as usize).unwrap_or(&self.message);
+        let text = bytes.utf8_chunks().next().map_or("", |chunk| chunk.valid());
+        let kinds = [CrashKind::Panic, CrashKind::Watchdog];
+        CrashRecord {
+            kind: kinds.into_iter().find(|kind| number(*kind) == self.kind).unwrap_or(CrashKind::HardFault),
+            uptime_us: self.uptime_us,
+            pc: self.pc,
+            lr: self.lr,
+            text: heapless::String::try_from(text).unwrap_or_default(),
+        }
     }
 
     /// A plain sum is enough to distinguish a record from noise.
     fn sum(&self) -> u32 {
-        let head = [self.magic, self.kind, self.uptime_us as u32, self.pc, self.lr, self.len];
+        let head = [self.magic, self.order, self.kind, self.uptime_us as u32, self.pc, self.lr, self.len];
         let text = self.message.iter().fold(1u32, |sum, byte| sum.wrapping_mul(31).wrapping_add(u32::from(*byte)));
         head.iter().fold(text, |sum, word| sum.rotate_left(5).wrapping_add(*word))
     }
@@ -120,27 +195,22 @@ impl Write for Record {
     }
 }
 
-/// How the start before this one ended, if it did not end by power. Reading it forgets it. `bitten`: the watchdog caused
-/// the reset. Call once, at start.
+/// How the start before this one ended, if it did not end by power. It is reported once as that, and stays among the
+/// [`past`] ones. `bitten`: the watchdog caused the reset. Call once, at start.
 pub fn take(kept: &Kept, bitten: bool) -> Option<CrashRecord> {
-    let slot = kept.record();
-    // SAFETY: every bit pattern is a `Record`; only this function at start and the handlers, which never return, touch it.
-    let record = unsafe { slot.read_volatile() };
-    // SAFETY: as above; a zero magic makes the record unreadable.
-    unsafe { (&raw mut (*slot).magic).write_volatile(0) };
-    if record.magic == MAGIC && record.check == record.sum() {
-        let bytes = record.message.get(..record.len as usize).unwrap_or(&record.message);
-        let text = bytes.utf8_chunks().next().map_or("", |chunk| chunk.valid());
-        let kinds = [CrashKind::Panic, CrashKind::Watchdog];
-        return Some(CrashRecord {
-            kind: kinds.into_iter().find(|kind| number(*kind) == record.kind).unwrap_or(CrashKind::HardFault),
-            uptime_us: record.uptime_us,
-            pc: record.pc,
-            lr: record.lr,
-            text: heapless::String::try_from(text).unwrap_or_default(),
-        });
-    }
-    bitten.then(|| CrashRecord { kind: CrashKind::Watchdog, uptime_us: 0, pc: 0, lr: 0, text: heapless::String::new() })
+    let record = match kept.newest() {
+        Some(record) if record.magic == NEW => *record,
+        _ if bitten => Record::new(kept.next(), CrashKind::Watchdog, Micros(0), Registers::UNKNOWN),
+        _ => return None,
+    };
+    kept.set_record(record.marked(READ));
+    Some(record.decode())
+}
+
+/// An earlier crash: 0 is the last one, 3 the oldest that is kept.
+pub fn past(kept: &Kept, back: u8) -> Option<CrashRecord> {
+    let order = kept.newest()?.order.wrapping_sub(back.into());
+    kept.record(order).filter(|record| record.order == order).map(Record::decode)
 }
 
 /// Counts the crash of the last start, if it crashed, and returns how many there were in a row. Call once, at start.
@@ -161,7 +231,61 @@ pub fn forget_crashes(kept: &Kept) {
 /// the analysis of the image ends here, see `xtask/src/image/lists.rs`.
 #[inline(never)]
 pub(crate) fn keep(kept: &Kept, kind: CrashKind, uptime: Micros, at: Registers, message: fmt::Arguments) {
-    let record = Record::new(kind, uptime, at, message);
-    // SAFETY: interrupts are masked or of lower priority; nothing reads the record before the reset.
-    unsafe { kept.record().write_volatile(record) };
+    kept.set_record(Record::new(kept.next(), kind, uptime, at).saying(message));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Memory full of noise, as after power-on.
+    fn noise() -> Kept {
+        let kept = Kept::new();
+        // SAFETY: any bits are valid in all of it.
+        unsafe { kept.records.get().write_bytes(0x5a, 1) };
+        kept
+    }
+
+    fn crash(kept: &Kept, uptime_us: u64) {
+        let at = Registers { pc: 1, lr: 2 };
+        keep(kept, CrashKind::Panic, Micros(uptime_us), at, format_args!("number {uptime_us}"));
+    }
+
+    #[test]
+    fn a_crash_is_that_of_the_last_start_once_and_stays_in_the_past() {
+        let kept = noise();
+        assert_eq!((take(&kept, false), past(&kept, 0)), (None, None));
+        crash(&kept, 7);
+        let text = heapless::String::try_from("number 7").unwrap();
+        let expected = CrashRecord { kind: CrashKind::Panic, uptime_us: 7, pc: 1, lr: 2, text };
+        assert_eq!(take(&kept, false), Some(expected.clone()));
+        assert_eq!((take(&kept, false), past(&kept, 0)), (None, Some(expected)));
+    }
+
+    #[test]
+    fn a_bite_without_a_record_is_kept_and_one_behind_a_record_adds_nothing() {
+        let kept = noise();
+        assert_eq!(take(&kept, true).map(|record| record.kind), Some(CrashKind::Watchdog));
+        assert_eq!(past(&kept, 0).map(|record| record.kind), Some(CrashKind::Watchdog));
+        crash(&kept, 1);
+        assert_eq!(take(&kept, true).map(|record| record.kind), Some(CrashKind::Panic));
+        assert_eq!(past(&kept, 2), None);
+    }
+
+    #[test]
+    fn the_last_four_crashes_are_kept() {
+        let kept = noise();
+        (0..6).for_each(|uptime_us| crash(&kept, uptime_us));
+        let uptimes: Vec<_> = (0..u8::MAX).map_while(|back| past(&kept, back)).map(|record| record.uptime_us).collect();
+        assert_eq!(uptimes, [5, 4, 3, 2]);
+    }
+
+    #[test]
+    fn a_record_that_a_reset_has_cut_is_none_and_those_before_it_stay() {
+        let kept = noise();
+        (0..2).for_each(|uptime_us| crash(&kept, uptime_us));
+        // SAFETY: as above.
+        unsafe { (&raw mut (*kept.slot(1)).pc).write_volatile(9) };
+        assert_eq!(past(&kept, 0).map(|record| record.uptime_us), Some(0));
+    }
 }

@@ -142,7 +142,7 @@ mod tests {
         let identity = Identity { device: DeviceId([7; 12]), board: heapless::String::try_from("test").unwrap() };
         let text = heapless::String::try_from("why").unwrap();
         let crash = Some(CrashRecord { kind: CrashKind::Watchdog, uptime_us: 1, pc: 2, lr: 3, text });
-        Board { identity, crash, caps: caps(), guards_loader: true, health: Health::default }
+        Board { identity, crash, caps: caps(), guards_loader: true, health: Health::default, kept: None }
     }
 
     /// What the board answers to these bytes, and into what it reboots.

@@ -67,8 +67,10 @@ impl Bench {
             cells,
         };
         let identity = Identity { device: DeviceId([7; 12]), board: heapless::String::try_from("bench").unwrap() };
-        let board = Board { identity, crash: None, caps: caps(), guards_loader: true, health: Health::default };
-        let mut dispatcher = Dispatcher::new(board, bench.clock, bench.shared, Box::leak(Box::default()));
+        let board =
+            Board { identity, crash: None, caps: caps(), guards_loader: true, health: Health::default, kept: None };
+        let mut dispatcher =
+            Dispatcher::new(board, bench.clock, bench.shared, Box::leak(Box::default()), Box::leak(Box::default()));
         let profile = Box::leak(Box::new(Profile::empty()));
         let opening = dispatcher.open(Some(bench.cells.flash(u32::MAX)), Box::leak(Box::default()), profile);
         run(opening, || bench.tick());

@@ -9,7 +9,7 @@ use core::fmt;
 use darm_core::nearest::{Coordinates, Found};
 use darm_core::output::{Coil, MAX_COILS, MAX_SERVOS, ServoWiring};
 use darm_core::profile::{EmergencyStop, Output};
-use darm_core::sequencer::{Event, Phase};
+use darm_core::sequencer::Phase;
 use darm_core::units::{Digest, Micros};
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{CrashKind, CrashRecord};
@@ -19,6 +19,7 @@ use embedded_storage_async::nor_flash::NorFlash;
 use crate::clock::Clock;
 use crate::control::{Order, Outcome};
 use crate::dispatch::{Dispatcher, FIRMWARE};
+use crate::kept::CRASHES;
 use parse::{Words, parse};
 
 const HELP: &[&str] = &[
@@ -35,9 +36,9 @@ const HELP: &[&str] = &[
     "servo N DEG      move servo N to an angle in degrees",
     "nearest X Y A    find a word near this pose of the tool, in mm and degrees;",
     "                 in space nearest X Y Z RX RY RZ, with a rotation vector",
-    "fault            the latched fault, and the last crash",
+    "fault            the latched fault, and the last crashes",
     "clear            leave the safe state after a fault",
-    "log              the last events",
+    "log              the last events, of earlier starts as well",
     "reboot           restart (reboot loader: into the chip's loader)",
 ];
 
@@ -219,9 +220,15 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
             _ => say(out, format_args!("no fault is latched")).await?,
         }
         match &self.board.crash {
-            Some(crash) => say(out, format_args!("last crash: {}", CrashText(crash))).await,
-            None => say(out, format_args!("no crash in the last start")).await,
+            Some(crash) => say(out, format_args!("last crash: {}", CrashText(crash))).await?,
+            None => say(out, format_args!("no crash in the last start")).await?,
         }
+        for back in 0..CRASHES as u8 {
+            if let Some(crash) = self.past_crash(back) {
+                say(out, format_args!("kept crash {back}: {}", CrashText(&crash))).await?;
+            }
+        }
+        Ok(())
     }
 
     async fn say_log<W: Write>(&mut self, out: &mut W) -> Result<(), W::Error> {
@@ -230,11 +237,29 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
         while number != self.log.next() {
             let events = self.log.from(number);
             for (at, event) in &events.list {
-                say(out, format_args!("{number} {at} {}", EventText(event))).await?;
+                say(out, format_args!("{number} {at} {event}")).await?;
                 number = number.wrapping_add(1);
             }
         }
-        Ok(())
+        self.say_past(out).await
+    }
+
+    /// Events of earlier starts, the newest first.
+    async fn say_past<W: Write>(&mut self, out: &mut W) -> Result<(), W::Error> {
+        let mut skip = 0u32;
+        loop {
+            let events = self.log.before(skip);
+            if events.is_empty() {
+                return Ok(());
+            }
+            if skip == 0 {
+                say(out, format_args!("before this start, the newest first:")).await?;
+            }
+            for (at, event) in &events {
+                say(out, format_args!("- {at} {event}")).await?;
+            }
+            skip = skip.saturating_add(events.len() as u32);
+        }
     }
 }
 
@@ -272,22 +297,6 @@ impl fmt::Display for CrashText<'_> {
             // The hardware leaves no record.
             CrashKind::Watchdog if text.is_empty() => f.write_str("the watchdog: the control tick had stopped"),
             CrashKind::Watchdog => write!(f, "the watchdog after {}: {text}", Micros(*uptime_us)),
-        }
-    }
-}
-
-struct EventText<'a>(&'a Event);
-
-impl fmt::Display for EventText<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.0 {
-            Event::Booted => f.write_str("booted"),
-            Event::Started => f.write_str("program started"),
-            Event::Row { row, word } => write!(f, "row {row}: {word}"),
-            Event::Finished => f.write_str("program finished"),
-            Event::Stopped => f.write_str("stopped"),
-            Event::Fault(fault) => write!(f, "fault: {fault}"),
-            Event::Cleared => f.write_str("safe state left"),
         }
     }
 }

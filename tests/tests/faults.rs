@@ -8,6 +8,7 @@ mod emulator;
 use std::fs::File;
 use std::time::{Duration, Instant};
 
+use darm_core::sequencer::Event;
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{self, CrashKind, CrashRecord};
 use darm_device::client::Client;
@@ -132,7 +133,12 @@ fn three_crashes_in_a_row_hold_the_board_until_a_reboot() {
     while board.connect().version().protocol != PROTOCOL {
         assert!(start.elapsed() < LIMIT, "the board is still held");
     }
-    assert_eq!(board.connect().last_crash().unwrap(), None);
+    let mut client = board.connect();
+    assert_eq!(client.last_crash().unwrap(), None);
+    let kinds: Vec<CrashKind> = client.past_crashes().unwrap().iter().map(|crash| crash.kind).collect();
+    assert_eq!(kinds, [CrashKind::HardFault; 3], "crashes outlive resets");
+    let booted = client.past_events().unwrap().iter().filter(|(_, event)| *event == Event::Booted).count();
+    assert_eq!(booted, 3, "events outlive resets; a held board has none");
 }
 
 #[test]

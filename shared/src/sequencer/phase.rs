@@ -1,5 +1,7 @@
 //! What the sequencer does now, and what happened.
 
+use core::fmt;
+
 use serde::{Deserialize, Serialize};
 
 use super::fault::Fault;
@@ -54,4 +56,18 @@ pub enum Event {
     Fault(Fault),
     /// The safe state was cleared.
     Cleared,
+}
+
+impl fmt::Display for Event {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Booted => f.write_str("booted"),
+            Self::Started => f.write_str("program started"),
+            Self::Row { row, word } => write!(f, "row {row}: {word}"),
+            Self::Finished => f.write_str("program finished"),
+            Self::Stopped => f.write_str("stopped"),
+            Self::Fault(fault) => write!(f, "fault: {fault}"),
+            Self::Cleared => f.write_str("safe state left"),
+        }
+    }
 }

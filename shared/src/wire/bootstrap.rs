@@ -10,6 +10,8 @@
 //!
 //! Later firmware may append bytes to an answer; a host ignores what follows the bytes that it knows.
 
+use serde::{Deserialize, Serialize};
+
 use crate::units::DeviceId;
 
 /// An answer's tag is its request's with this bit.
@@ -99,7 +101,7 @@ pub struct Version {
 }
 
 /// How the firmware died last.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CrashRecord {
     /// By what.
     pub kind: CrashKind,
@@ -114,7 +116,7 @@ pub struct CrashRecord {
 }
 
 /// By what a firmware died.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum CrashKind {
     /// A panic.
     Panic,

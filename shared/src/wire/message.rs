@@ -14,6 +14,8 @@
 //! | `Nearest`   | `Nearest`   | often | which word brings the tool near a pose, by the frames in the table      |
 //! | `Outputs`   | `Outputs`   | often | how long outputs have been on, and how long they may be                 |
 //! | `Health`    | `Health`    | often | clock, resets, errors of lines, flash and chain                         |
+//! | `PastEvents` | `PastEvents` | often | what happened before this start                                       |
+//! | `PastCrash` | `PastCrash` | often | how earlier starts ended                                               |
 //!
 //! `Begin`, `Chunk` and `Commit` also bring a profile; that is committed only while a person holds the board's button,
 //! and the board starts again with it.
@@ -28,6 +30,7 @@ use crate::profile::ProfileError;
 use crate::sequencer::{Command, CommandError, Event, Phase, ServoSeen};
 use crate::table::TableError;
 use crate::units::{DeviceId, Digest, Micros, ModelHash, Word};
+use crate::wire::bootstrap::CrashRecord;
 use crate::wire::caps::Caps;
 use crate::wire::health::Health;
 
@@ -83,6 +86,16 @@ pub enum Request<'a> {
     },
     /// How is the board itself?
     Health,
+    /// What happened before this start?
+    PastEvents {
+        /// Leave out this number of the newest.
+        skip: u32,
+    },
+    /// How did earlier starts end?
+    PastCrash {
+        /// 0 is the last crash, 1 the one before.
+        back: u8,
+    },
 }
 
 impl Request<'_> {
@@ -194,6 +207,10 @@ pub enum Answer {
     Outputs(heapless::Vec<OutputState, OUTPUTS>),
     /// To `Health`.
     Health(Health),
+    /// To `PastEvents`: the newest first; none after the oldest. Times are those of their start, which begins with `Booted`.
+    PastEvents(heapless::Vec<(Micros, Event), EVENTS>),
+    /// To `PastCrash`.
+    PastCrash(Option<CrashRecord>),
 }
 
 /// How long an output has been on, and how long it may be.
@@ -348,7 +365,9 @@ impl core::error::Error for Refusal {}
 #[cfg(test)]
 mod tests {
     use super::{Answer, Calibration, Coordinates, Found, Refusal, Reply, Request};
+    use crate::sequencer::Event;
     use crate::units::Micros;
+    use crate::wire::bootstrap::{CrashKind, CrashRecord};
 
     #[test]
     fn what_has_come_since_changes_no_bytes_of_what_there_was() {
@@ -359,6 +378,23 @@ mod tests {
         let mut bytes = [0; 64];
         let refused = Reply { at: Micros(0), result: Err(Refusal::Storage) };
         assert_eq!(postcard::to_slice(&refused, &mut bytes).unwrap(), [0, 1, 12]);
+    }
+
+    #[test]
+    fn what_was_before_this_start_is_these_bytes() {
+        let mut bytes = [0; 64];
+        assert_eq!(postcard::to_slice(&Request::PastEvents { skip: 300 }, &mut bytes).unwrap(), [12, 0xac, 2]);
+        assert_eq!(postcard::to_slice(&Request::PastCrash { back: 3 }, &mut bytes).unwrap(), [13, 3]);
+        let mut list = heapless::Vec::new();
+        list.extend([(Micros(7), Event::Finished), (Micros(6), Event::Booted)]);
+        let events = Reply { at: Micros(5), result: Ok(Answer::PastEvents(list)) };
+        assert_eq!(postcard::to_slice(&events, &mut bytes).unwrap(), [5, 0, 10, 2, 7, 3, 6, 0]);
+        let text = "no".try_into().unwrap();
+        let crash = CrashRecord { kind: CrashKind::Watchdog, uptime_us: 300, pc: 1, lr: 2, text };
+        let crash = Reply { at: Micros(5), result: Ok(Answer::PastCrash(Some(crash))) };
+        let encoded = postcard::to_slice(&crash, &mut bytes).unwrap();
+        assert_eq!(encoded, [5, 0, 11, 1, 2, 0xac, 2, 1, 2, 2, b'n', b'o']);
+        assert_eq!(postcard::from_bytes::<Reply>(encoded), Ok(crash));
     }
 
     #[test]

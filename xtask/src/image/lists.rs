@@ -71,6 +71,11 @@ pub(crate) const INDIRECT: &[Indirect] = &[
         callers: &["sequential_storage::"],
         callees: &[Named("sequential_storage::map::Value>::serialize_into"), Named("embassy_executor::raw::waker::")],
     },
+    // What reads several records holds the address of the function that reads one in a register.
+    Indirect {
+        callers: &["darm_firmware::store::"],
+        callees: &[Named("darm_firmware::store::Store<F>::fetch"), Named("embassy_executor::raw::waker::")],
+    },
     // A board says what it knows of itself.
     Indirect {
         callers: &[

@@ -24,8 +24,8 @@ pub const CONTROL: Interrupt = Interrupt::TSC;
 /// Interrupt that the executor of everything else borrows; its peripheral (single wire protocol) is not used.
 pub const COMMON: Interrupt = Interrupt::SWPMI1;
 
-/// Start-up code neither clears nor fills this section.
-#[unsafe(link_section = ".uninit.KEPT")]
+/// Start-up code neither clears nor fills this section. A reset leaves it alone unless the option byte SRAM2_RST has it erased.
+#[unsafe(link_section = ".above.KEPT")]
 static KEPT: Kept = Kept::new();
 
 /// The board.

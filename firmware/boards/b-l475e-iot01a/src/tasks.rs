@@ -25,7 +25,7 @@ use darm_firmware::clock::Clock;
 use darm_firmware::control::Shared;
 use darm_firmware::crash;
 use darm_firmware::dispatch::Dispatcher;
-use darm_firmware::hardware::{self, OnBoard};
+use darm_firmware::hardware::{self, Hardware as _, OnBoard};
 use darm_firmware::life::{Pulse, Start, Task};
 use darm_firmware::nearest::Room;
 use darm_firmware::servo::echo::Wire;
@@ -123,8 +123,8 @@ async fn servos() -> ! {
 fn dispatcher(crash: Option<CrashRecord>, room: &'static mut Room) -> &'static mut OnBoard<Board> {
     let dispatcher = &raw mut DISPATCHER;
     let board = hardware::describe::<Board>(crash);
-    // SAFETY: nothing else refers to it, as this takes the room, which can be built once only.
-    unsafe { (*dispatcher).write(Dispatcher::new(board, BoardClock, &SHARED, room)) }
+    // SAFETY: nothing else refers to them, as this takes the room, which can be built once only.
+    unsafe { (*dispatcher).write(Dispatcher::new(board, BoardClock, &SHARED, room, Board::kept().log())) }
 }
 
 /// The room for a search. Called once.

@@ -1,6 +1,6 @@
 //! `darm status`: board, loaded table, state and last fault.
 
-use darm_core::sequencer::{Fault, Phase, ServoSeen};
+use darm_core::sequencer::{Event, Fault, Phase, ServoSeen};
 use darm_core::units::{Digest, Micros};
 use darm_core::wire::bootstrap::{CrashKind, CrashRecord};
 use darm_core::wire::health::{ChipOptions, Health};
@@ -15,7 +15,8 @@ use crate::ui::{Answer, Ui};
 const EXAMPLES: &str = "\
 Examples:
   darm status          # exit code 3 if the board is in its safe state
-  darm --json status   # for programs";
+  darm --json status   # for programs
+  darm status --history   # also crashes and events of earlier starts";
 
 /// The board rounds times to milliseconds.
 const ROUNDING_MS: u64 = 1;
@@ -26,6 +27,25 @@ const ROUNDING_MS: u64 = 1;
 pub(crate) struct Status {
     #[command(flatten)]
     port: PortArgs,
+    /// Add crashes and events of earlier starts that the board has kept
+    #[arg(long)]
+    history: bool,
+}
+
+/// What the board has kept of earlier starts.
+#[derive(Serialize)]
+struct History {
+    /// The last one first.
+    crashes: Vec<String>,
+    /// The newest first.
+    events: Vec<PastEvent>,
+}
+
+#[derive(Serialize)]
+struct PastEvent {
+    /// Time since its start.
+    at_s: f64,
+    text: String,
 }
 
 #[derive(Serialize)]
@@ -54,6 +74,8 @@ struct Report {
     /// What the board reports of itself; `None` from firmware that does not.
     health: Option<Health>,
     crash: Option<String>,
+    /// With `--history`.
+    history: Option<History>,
     up_s: Option<f64>,
 }
 
@@ -89,7 +111,8 @@ impl Status {
         let outputs = client.outputs()?;
         let health = client.health()?;
         let crash = client.last_crash()?.as_ref().map(crash_text);
-        ui.print(&Report { health, ..report(&client, &status, &outputs, crash) })?;
+        let history = if self.history { Some(History::of(&mut client)?) } else { None };
+        ui.print(&Report { health, history, ..report(&client, &status, &outputs, crash) })?;
         match status.phase {
             Phase::Safe(fault) => Err(SafeState(fault.to_string()).into()),
             _ => Ok(()),
@@ -120,6 +143,7 @@ fn report(client: &Client, status: &message::Status, outputs: &[OutputState], cr
         bad_frames: status.bad_frames,
         worst_lateness_s: 1e-6 * f64::from(status.worst_lateness_us),
         health: None,
+        history: None,
         crash,
         up_s: client.clock().offset().map(|offset| client.now_s() - offset.at_s),
     }
@@ -196,6 +220,26 @@ fn crash_text(crash: &CrashRecord) -> String {
     };
     let place = if crash.pc == 0 { String::new() } else { format!(", pc {:#010x}", crash.pc) };
     format!("{kind} {:.3} s after the start{place}: {}", crash.uptime_us as f64 * 1e-6, crash.text)
+}
+
+impl History {
+    fn of(client: &mut Client) -> anyhow::Result<Self> {
+        let event = |(at, event): (Micros, Event)| PastEvent { at_s: seconds(at), text: event.to_string() };
+        Ok(Self {
+            crashes: client.past_crashes()?.iter().map(crash_text).collect(),
+            events: client.past_events()?.into_iter().map(event).collect(),
+        })
+    }
+
+    fn lines(&self) -> Vec<String> {
+        let mut lines = vec!["history   earlier starts, the newest first".to_owned()];
+        lines.extend(self.crashes.iter().map(|crash| format!("  crash   {crash}")));
+        lines.extend(self.events.iter().map(|event| format!("  {:11.3} s  {}", event.at_s, event.text)));
+        if lines.len() == 1 {
+            lines.push("  nothing is kept".to_owned());
+        }
+        lines
+    }
 }
 
 /// What a person should know of the board itself: a line for each thing that is known.
@@ -275,6 +319,7 @@ impl Answer for Report {
         ));
         lines.extend(self.health.iter().flat_map(health_lines));
         lines.extend(self.crash.iter().map(|crash| format!("crash     {crash}")));
+        lines.extend(self.history.iter().flat_map(History::lines));
         lines.join("\n")
     }
 }

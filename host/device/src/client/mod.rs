@@ -15,6 +15,7 @@ mod error;
 mod exchange;
 #[cfg(test)]
 mod fake;
+mod itself;
 mod reader;
 mod retry_timer;
 pub mod stop;
@@ -29,7 +30,6 @@ use darm_core::sequencer::{Command, Event};
 use darm_core::units::Micros;
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{self, CrashRecord, Identity, RebootTarget, Version};
-use darm_core::wire::health::Health;
 use darm_core::wire::message::{Answer, Calibration, Hello, OutputState, Refusal, Request, Status};
 
 use crate::clock::{BoardClock, host_now_s};
@@ -302,20 +302,6 @@ impl Client {
             let Some(last) = more.last() else { return Ok(outputs) };
             from = last.output.saturating_add(1);
             outputs.extend(more);
-        }
-    }
-
-    /// What the board reports of itself; `None` from firmware that does not know the request.
-    ///
-    /// # Errors
-    ///
-    /// As [`status`](Self::status).
-    pub fn health(&mut self) -> Result<Option<Health>, ClientError> {
-        match self.ask("health", &Request::Health) {
-            Ok(Answer::Health(health)) => Ok(Some(health)),
-            Ok(_) => Err(AnswerError::Payload { request: "health" }.into()),
-            Err(ClientError::Refused(Refusal::Unknown)) => Ok(None),
-            Err(error) => Err(error),
         }
     }
 

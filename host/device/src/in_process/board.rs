@@ -17,6 +17,7 @@ use darm_firmware::app::serve;
 use darm_firmware::clock::Clock;
 use darm_firmware::control::{Control, Inputs, Shared, TICK};
 use darm_firmware::dispatch::{BUILD, Board, Dispatcher};
+use darm_firmware::log::LogMemory;
 use darm_firmware::nearest::Room;
 use darm_firmware::pipe::{Pipe, PipeReader, PipeWriter};
 use darm_firmware::servo::Bus;
@@ -148,6 +149,7 @@ async fn run_on(flash: impl NorFlash, chip: Chip, wires: Rc<Wires>, used: Rc<Ref
     let mut table = Box::<Table>::default();
     let mut room = Box::<Room>::default();
     let mut profile = Box::new(Profile::empty());
+    let mut log = Box::<LogMemory>::default();
     let mut used = used.borrow_mut();
     let shared = Shared::new();
     let console = async {
@@ -155,10 +157,18 @@ async fn run_on(flash: impl NorFlash, chip: Chip, wires: Rc<Wires>, used: Rc<Ref
         let identity = Identity { device: DEVICE, board: name.parse().expect("a name that fits") };
         let caps = Caps::largest(name, SLOT_BYTES as u32, BUILD);
         let mut dispatcher = Dispatcher::new(
-            Board { identity, crash: None, caps, guards_loader: chip.guards_loader(), health: Health::default },
+            Board {
+                identity,
+                crash: None,
+                caps,
+                guards_loader: chip.guards_loader(),
+                health: Health::default,
+                kept: None,
+            },
             &wires.clock,
             &shared,
             &mut room,
+            &mut log,
         );
         dispatcher.open(Some(flash), &mut table, &mut profile).await;
         serve(&mut dispatcher, &mut PipeReader(&wires.console_in), &mut PipeWriter(&wires.console_out)).await
