@@ -21,7 +21,7 @@ const EXAMPLES: &str = "\
 Examples:
   darm doctor                                              # everything
   darm doctor -p unix:$HOME/.local/state/darm/board/port   # the same with the board at this port
-  darm doctor --udev-rule > 60-darm.rules                  # the rule by which a user may open boards
+  darm doctor --udev-rule > 60-darm.rules                  # the rule that opens boards to users
 
 The exit code is 1 if a check failed; what is only missing is no failure.";
 
