@@ -163,7 +163,7 @@ fn varies(experiment: &Experiment, rows: &[f64]) -> f64 {
 }
 
 /// Root mean square of the norm of rows × axes, without what is far off on each axis.
-fn size(experiment: &Experiment, rows: &[f64]) -> f64 {
+pub(crate) fn size(experiment: &Experiment, rows: &[f64]) -> f64 {
     let n_axes = experiment.axes.len();
     (0..experiment.n_norm).map(|axis| trimmed_of_axis(rows, axis, n_axes).powi(2)).sum::<f64>().sqrt()
 }

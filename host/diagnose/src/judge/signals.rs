@@ -59,15 +59,16 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
     let repeatability = scatter::scatter(&problem.experiment, &after, is_filtered);
     let sigma = &best.weighting.sigma;
     let explained = agreement::signals::explained(&problem.experiment, &best.predicted);
+    let rest = Rest::of(&problem.experiment, &after, repeatability.as_ref());
     let evidence = Evidence {
         agrees: selected.agreement.allows(effects.len(), explained),
         named: effects.len(),
         is_ambiguous: !doubtful.is_empty(),
         was_beyond_noise: !remaining.is_empty() || !effects.is_empty() || !doubtful.is_empty(),
-        is_left: left > UNEXPLAINED_SHARE || is_far_from_repeats(&problem.experiment, &after, repeatability.as_ref()),
+        is_left: left > UNEXPLAINED_SHARE || rest.is_far_from_repeats,
         is_mainly_taken: left < MAX_PARTLY_LEFT,
         held_out_falls: pooled.map_or_else(|| HeldOut::of(selected).falls(sigma), |pooled| pooled.falls(sigma)),
-        noise_dof: repeatability.as_ref().map_or(0, |repeatability| repeatability.dof),
+        noise_dof: rest.noise_dof,
     };
     let verdict = gate::verdict(&evidence);
     if !verdict.names_effects() && verdict != Verdict::NotIdentifiable {
@@ -87,11 +88,30 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
     Judgement { verdict, effects, alternatives, unobservable, repeatability, structure, remaining, next_measurement }
 }
 
-/// Whether the error is far larger than the scatter of rows under the same conditions.
-fn is_far_from_repeats(experiment: &Experiment, after: &[f64], repeatability: Option<&Repeatability>) -> bool {
-    let rest = experiment.norm(&experiment.of_rows(after, false));
-    let repeated = repeatability.filter(|repeatability| repeatability.repeated_in == RepeatedIn::Rows);
-    rest.zip(repeated).is_some_and(|(rest, repeated)| rest > MAX_LEFT * repeated.norm.value)
+/// The error that is left, next to the scatter of the rows.
+struct Rest {
+    /// Whether it is far larger than the scatter of rows under the same conditions.
+    is_far_from_repeats: bool,
+    /// Degrees of freedom of the scatter; none where the error, without rows that are far off, is far larger than that of
+    /// neighbouring rows: that is not all of the noise, so it cannot say that something is left, and not that nothing is.
+    noise_dof: usize,
+}
+
+impl Rest {
+    fn of(experiment: &Experiment, after: &[f64], scatter: Option<&Repeatability>) -> Self {
+        let nothing = Self { is_far_from_repeats: false, noise_dof: 0 };
+        let Some(scatter) = scatter else { return nothing };
+        let rows = experiment.of_rows(after, false);
+        let is_far = |error: f64| error > MAX_LEFT * scatter.norm.value;
+        match scatter.repeated_in {
+            RepeatedIn::Rows => {
+                let is_far_from_repeats = experiment.norm(&rows).is_some_and(is_far);
+                Self { is_far_from_repeats, noise_dof: scatter.dof }
+            }
+            RepeatedIn::Neighbours if is_far(agreement::signals::size(experiment, &rows)) => nothing,
+            RepeatedIn::Neighbours => Self { noise_dof: scatter.dof, ..nothing },
+        }
+    }
 }
 
 /// What explains the rows as well in the place of an effect, where there are few of them.

@@ -4,7 +4,7 @@
 //! | law | of | values | column |
 //! | --- | --- | --- | --- |
 //! | `joint-offset` | a joint at q + δ where q is shown | δ, rad or m | ∂τ/∂q at the rates of the row |
-//! | `base-tilt` | a base turned by θ about the two axes across gravity | θ, rad | torques of the weight in the field −θ×g |
+//! | `base-tilt` | a base turned by θ about the two axes across gravity, where that shows | θ, rad | torques of the weight in the field −θ×g |
 //!
 //! ∂τ/∂q is a central difference with h = 1e-4: with τ made of sines of q, its error is about h²/6 of the torque, and
 //! that of rounding 1e-16/h, both below 1e-8 of it. A second order in δ and θ is left out: at 0.05 rad (3 deg) 2.5 % of what
@@ -65,8 +65,10 @@ pub(super) fn candidates(robot: &Robot, states: &[[Vec<f64>; 3]], sites: &[Site]
     };
     let turns = axes_of_tilt(&robot.gravity).map(turned);
     let turns = turns.map(|tree| of(&|[q, ..]: State| torques(&tree, [q, &[], &[]])));
-    let values: Vec<Value> = TURNS.into_iter().zip(turns).map(|(name, column)| value(name, TURN, column)).collect();
-    if values.iter().all(|value| shows(&value.column)) {
+    // A robot whose axes are parallel shows one turn only.
+    let values = TURNS.into_iter().zip(turns).filter(|(_, column)| shows(column));
+    let values: Vec<Value> = values.map(|(name, column)| value(name, TURN, column)).collect();
+    if !values.is_empty() {
         candidates.push(Candidate {
             law: Law::BaseTilt,
             site: Site::new(Place::Base, "the base"),

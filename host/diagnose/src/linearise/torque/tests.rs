@@ -24,9 +24,14 @@ const NOISE_NM: f64 = 0.2;
 
 /// A TX40 whose fourth and sixth joints are locked, so that the tests take less time.
 fn tx40() -> Robot {
+    locked(&["joint_4", "joint_6"])
+}
+
+/// A TX40 with these joints locked.
+fn locked(joints: &[&str]) -> Robot {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/measured/tx40.urdf");
-    let locks = ["joint_4", "joint_6"].map(|joint| (joint.to_owned(), 0.0));
-    description::read(&path, &BTreeMap::from(locks)).unwrap()
+    let locks: BTreeMap<String, f64> = joints.iter().map(|joint| ((*joint).to_owned(), 0.0)).collect();
+    description::read(&path, &locks).unwrap()
 }
 
 /// The robot with a joint that is `offset` further than its encoder shows.
@@ -134,6 +139,22 @@ fn columns_are_the_first_order_of_what_moved_robots_need() {
     for (axis, value) in [Vec3::x(), Vec3::y()].iter().zip(&candidates[3].values) {
         check(&tilted(axis * size), &value.column);
     }
+}
+
+#[test]
+fn the_base_of_a_robot_with_parallel_axes_tilts_as_its_first_joint_is_offset() {
+    let robot = locked(&["joint_1", "joint_4", "joint_5", "joint_6"]);
+    let first_two = |time_s: f64| state(time_s).map(|of| of[..2].to_vec());
+    let states: Vec<[Vec<f64>; 3]> = (0..5).map(|k| first_two(0.37 * f64::from(k))).collect();
+    let sites: Vec<Site> = (0..2).map(|joint| site_of_joint(&robot, joint, joint)).collect();
+    let candidates = placement::candidates(&robot, &states, &sites).unwrap();
+    let [offset, _, tilt] = &candidates[..] else { panic!("{}", candidates.len()) };
+    assert_eq!((tilt.law, tilt.values.len()), (Law::BaseTilt, 1));
+    // Differences with a step of 1e-4 are good to 1e-8 of the torque.
+    let largest = offset.values[0].column.iter().fold(0.0, |largest: f64, slope| largest.max(slope.abs()));
+    let pairs = || offset.values[0].column.iter().zip(&tilt.values[0].column);
+    let differ = |sign: f64| pairs().map(|(a, b)| (a - sign * b).abs()).fold(0.0, f64::max);
+    assert!(differ(1.0).min(differ(-1.0)) < 1e-6 * largest, "{} {}", differ(1.0), differ(-1.0));
 }
 
 #[test]
