@@ -119,6 +119,26 @@ impl Verdict {
     pub fn names_effects(self) -> bool {
         matches!(self, Self::EffectFound | Self::PartlyExplained)
     }
+
+    /// What a person does next.
+    pub fn next_step(self) -> &'static str {
+        match self {
+            Self::EffectFound => {
+                "write the corrected model, make the next table from it, and record again: the error should be near the \
+                 repeatability."
+            }
+            Self::PartlyExplained => {
+                "write the corrected model, and look below at what the residual correlates with: another cause is left."
+            }
+            Self::NoEffect => "keep the model: these measurements show nothing that it is missing.",
+            Self::UnexplainedStructure => {
+                "look below at what the residual correlates with, and record again with that quantity measured or varied."
+            }
+            Self::NotIdentifiable => "measure what is proposed: it distinguishes the candidates.",
+            Self::TooLittleData => "record again, with more rows and with some of them repeated.",
+            Self::WrongModelOrLog => "correct the model or the log, and diagnose again.",
+        }
+    }
 }
 
 impl fmt::Display for Verdict {

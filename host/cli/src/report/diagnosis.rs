@@ -5,7 +5,6 @@ use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use darm_diagnose::outcome::Diagnosis;
-use darm_diagnose::report::sentences::next_step;
 use darm_diagnose::report::tables::tables_and_plots;
 use maud::{Markup, html};
 use sha2::{Digest as _, Sha256};
@@ -63,7 +62,7 @@ fn verdict(diagnosis: &Diagnosis) -> Markup {
         section {
             h2 { (verdict) }
             @for sentence in others { p { (sentence) } }
-            p.next { b { "Next: " } (next_step(diagnosis.verdict)) }
+            p.next { b { "Next: " } (diagnosis.verdict.next_step()) }
         }
     }
 }

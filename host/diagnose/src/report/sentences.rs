@@ -22,26 +22,6 @@ const SHOWN: f64 = 0.9;
 /// Outliers that are listed by line.
 const MAX_LINES: usize = 8;
 
-/// What a person does next, after a verdict.
-pub fn next_step(verdict: Verdict) -> &'static str {
-    match verdict {
-        Verdict::EffectFound => {
-            "write the corrected model, make the next table from it, and record again: the error should be near the \
-             repeatability."
-        }
-        Verdict::PartlyExplained => {
-            "write the corrected model, and look below at what the residual correlates with: another cause is left."
-        }
-        Verdict::NoEffect => "keep the model: these measurements show nothing that it is missing.",
-        Verdict::UnexplainedStructure => {
-            "look below at what the residual correlates with, and record again with that quantity measured or varied."
-        }
-        Verdict::NotIdentifiable => "measure what is proposed: it distinguishes the candidates.",
-        Verdict::TooLittleData => "record again, with more rows and with some of them repeated.",
-        Verdict::WrongModelOrLog => "correct the model or the log, and diagnose again.",
-    }
-}
-
 /// The sentences on tool poses; `effects` are those selected.
 pub(crate) fn of_poses(
     arm: &Arm,

@@ -3,7 +3,6 @@
 use darm_diagnose::files::FileDiagnosis;
 use darm_diagnose::measurement::Finding;
 use darm_diagnose::outcome::{Diagnosis, Verdict};
-use darm_diagnose::report::sentences::next_step;
 use darm_diagnose::report::tables::{sampling_table, tables_and_plots};
 use maud::{Markup, html};
 use serde::Serialize;
@@ -81,7 +80,7 @@ fn report(diagnosis: &Diagnosis) -> Markup {
             h2 #verdict-title { "Verdict" }
             p.verdict { (verdict) }
             @for sentence in others { p { (sentence) } }
-            p.next { b { "Next: " } (next_step(diagnosis.verdict)) }
+            p.next { b { "Next: " } (diagnosis.verdict.next_step()) }
         }
         section aria-labelledby="sampling-title" {
             h2 #sampling-title { "Measurements" }
