@@ -121,7 +121,7 @@ mod tests {
     fn every_job_has_its_options_and_items_with_names_of_their_own() {
         let blind = items::<blind::Job>(json!({ "seeds": 3, "first_seed": 5, "arm": "hybrid" }));
         assert_eq!(blind, ["seed 5", "seed 6", "seed 7"]);
-        assert_eq!(items::<blind::Mechanisms>(json!({ "first_seed": 1 })).len(), 19);
+        assert_eq!(items::<blind::Mechanisms>(json!({ "first_seed": 1 })).len(), 23);
         assert_eq!(items::<blind::Damages>(json!({ "logs": 2, "first_seed": 1 })).len(), 2 * 81);
         assert_eq!(
             items::<demo::Sweep>(json!({ "seeds": 2, "arm": "planar", "effect": "play" })),
@@ -130,7 +130,11 @@ mod tests {
         assert_eq!(items::<demo::Sweep>(json!({ "seeds": 1, "arm": "hybrid", "effect": null })).len(), 1);
         assert_eq!(items::<bench::SynthesisSweep>(json!({})).len(), 17 * 200 + 100);
         assert_eq!(items::<bench::Reach>(json!({ "seed": 1 })).len(), 1 + 1000);
-        assert_eq!(items::<faults::Job>(json!({ "kills": 51, "frames": null, "stops": 20, "pico": null })).len(), 3);
+        assert_eq!(
+            items::<faults::Job>(json!({ "kills": 51, "frames": null, "stops": 20, "pico": null, "serve": null }))
+                .len(),
+            3
+        );
         let grasp = items::<papers::Grasp>(json!({ "n": 10, "held_out": 250, "lambdas": 2 }));
         let held_out = |hand: &str| [0, 100, 200].map(|first| format!("{hand}, constraints from {first}"));
         let each = ["training, constraints from 0".to_owned()].into_iter();

@@ -31,5 +31,5 @@ fn every_constant_of_a_law_has_a_key_in_the_arm_file() {
         let read = Arm::read(&path).expect("an arm that can be read");
         assert_eq!(read.model.effects.as_slice(), [effect], "{}", effect.law().name());
     }
-    assert_eq!(n_constants, 4, "a step, a drift, wear and a base that drifts");
+    assert_eq!(n_constants, 6, "a step, a drift, wear, creep, a base that drifts and one that is moved");
 }

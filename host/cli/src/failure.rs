@@ -21,7 +21,6 @@ use darm_device::client::stop::Confirmation;
 use darm_device::link::LinkError;
 use serde_json::json;
 
-use crate::console::NoAnswer;
 use crate::interrupted::Interrupted;
 use crate::port::PortError;
 
@@ -54,6 +53,11 @@ pub(crate) struct SafeState(pub(crate) String);
 #[derive(Debug, thiserror::Error)]
 #[error("the board refused {0} of the lines; see the answers that begin with `?`")]
 pub(crate) struct Refused(pub(crate) usize);
+
+/// The board did not answer a line.
+#[derive(Debug, thiserror::Error)]
+#[error("no answer; check that this is the port of a running board: `darm doctor`")]
+pub(crate) struct NoAnswer;
 
 /// Some checks of `darm doctor` failed; the number of them.
 #[derive(Debug, thiserror::Error)]

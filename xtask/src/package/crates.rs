@@ -12,7 +12,7 @@ use crate::setup;
 ///
 /// # Errors
 ///
-/// A manifest lacks something, or `cargo package` refuses a crate.
+/// Something is missing in a manifest, or `cargo package` refuses a crate.
 pub fn check() -> Result<()> {
     let crates = published()?;
     let names = crates.iter().flat_map(|it| ["--package", it["name"].as_str().unwrap_or_default()]);
@@ -42,7 +42,7 @@ pub fn published() -> Result<Vec<Value>> {
     Ok(members.into_iter().filter(|member| member["publish"].is_null()).collect())
 }
 
-/// What a manifest lacks: texts that a registry shows, versions of path dependencies, dependencies that are published.
+/// What is missing in a manifest: texts that a registry shows, versions of path dependencies, dependencies that are published.
 #[must_use]
 pub fn faults(member: &Value, published: &[Value]) -> Vec<String> {
     let name = member["name"].as_str().unwrap_or_default();

@@ -71,8 +71,8 @@ impl BoardState {
     pub(crate) fn allowed(&self, words: &[&str]) -> Option<String> {
         match words {
             ["coil", number, ..] if self.output(number).is_some() => self.output(number).map(|output| {
-                let [left, most] = [longest_ms(output), output.limit.max_on_ms];
-                format!("output {number}: MS is 1 to {left} now, at most {most} when it has recovered")
+                let [left, max] = [longest_ms(output), output.limit.max_on_ms];
+                format!("output {number}: MS is 1 to {left} now, at most {max} when it has recovered")
             }),
             ["coil", ..] => {
                 Some(format!("N is one of the outputs {}", numbers(self.outputs.iter().map(|it| it.output))))

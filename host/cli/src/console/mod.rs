@@ -20,7 +20,7 @@ use rustyline::error::ReadlineError;
 use rustyline::history::DefaultHistory;
 use rustyline::{Config, Editor, ExternalPrinter as _};
 
-use crate::failure::{Refused, Usage};
+use crate::failure::{NoAnswer, Refused, Usage};
 use crate::ui::Ui;
 use crate::{failure, interrupt, port, state_folder};
 use board_state::Shared;
@@ -44,7 +44,7 @@ pub(crate) fn run(port: &str, ui: Ui) -> anyhow::Result<()> {
 struct Session<'a> {
     port: &'a str,
     ui: Ui,
-    /// Whether the board is asked for its state.
+    /// Whether the state of the board is requested.
     asks: bool,
     pump: Pump,
     /// Stops the board while a command waits for an answer.
@@ -121,7 +121,7 @@ fn print_line(line: &str, ui: Ui) {
 }
 
 impl<'a> Session<'a> {
-    /// Opens the port; with `board` the board is asked for its state too.
+    /// Opens the port; with `board` the state of the board is requested too.
     fn start(port: &'a str, ui: Ui, mut show: Show, board: Option<Shared>) -> anyhow::Result<Self> {
         let refused = Arc::new(AtomicUsize::new(0));
         let count = refused.clone();
@@ -285,11 +285,6 @@ impl<'a> Session<'a> {
         Ok(format!("{rows} rows stored; run them with `play`"))
     }
 }
-
-/// The board did not answer a line.
-#[derive(Debug, thiserror::Error)]
-#[error("no answer; check that this is the port of a running board: `darm doctor`")]
-pub(crate) struct NoAnswer;
 
 /// Connects to the board at an open port. One that does not answer frames, such as a board whose firmware crashed again and
 /// again, is typed to all the same.

@@ -18,14 +18,14 @@ const ANSWER: Duration = Duration::from_millis(1500);
 /// An answer has ended when nothing arrived for this long.
 const QUIET: Duration = Duration::from_millis(120);
 
-/// Interval at which the board is asked for its state.
+/// Interval at which the state of the board is requested.
 const LOOK: Duration = Duration::from_millis(500);
 
 /// An open port.
 pub(crate) enum Port {
     /// Lines of text and nothing else.
     Text(Box<dyn Link>),
-    /// With a board that answers frames: it is asked for its state between lines.
+    /// With a board that answers frames: its state is requested between lines.
     Board(Box<Client>),
 }
 

@@ -159,7 +159,7 @@ fn diagnosis(report: &LoopReport) -> Markup {
                     @if !truth.place.is_empty() { ", " (truth.place) ", " (size(truth.size, truth.unit)) ", about " (format!("{:.0}", truth.times_scatter)) " × the repeatability" }
                     "."
                     @if let Some(interval) = missed_interval(report) {
-                        " This is outside of the fitted interval, " (interval) ": a simulated arm follows an equation of its own, of which \
+                        " This is outside of the fitted interval, " (interval) ": a simulated arm follows a separate equation, of which \
                         the fitted law is an approximation over the conditions that were measured. The verdict rests on the held-out error."
                     }
                 }

@@ -141,3 +141,23 @@ fn a_program_waits_until_the_outputs_have_rested() {
     assert!(waited.status.success(), "{}", text(&waited.stderr));
     assert!(text(&waited.stderr).starts_with("outputs have been on: waiting for at most "));
 }
+
+#[test]
+fn status_shows_which_outputs_recover() {
+    let home = Home::new();
+    let text = std::fs::read_to_string(example("planar4.profile.toml")).unwrap();
+    home.write("free.toml", &text);
+    home.write("limited.toml", &text.replacen("duty_percent = 100", "duty_percent = 50", 1));
+    for (profile, outputs) in [("free.toml", vec![]), ("limited.toml", vec![0])] {
+        let arm = format!("{} --profile {profile}", example("planar4.toml"));
+        home.succeeds(&format!("table {arm} --words 100000000000 --dwell 0.2 -o one.darm"));
+        let board = Board::start(&home, &arm);
+        home.succeeds(&format!("upload one.darm {}", board.port));
+        home.darm(&format!("play one.darm {}", board.port));
+        let status = home.json(&format!("status {}", board.port));
+        let recovering = status["recovering"].as_array().unwrap();
+        let numbers: Vec<u64> = recovering.iter().map(|output| output["output"].as_u64().unwrap()).collect();
+        assert_eq!(numbers, outputs, "{profile}: {status}");
+        assert!(recovering.iter().all(|output| output["recovery_s"].as_f64() > Some(0.0)), "{status}");
+    }
+}
