@@ -93,7 +93,7 @@ struct Rest {
     /// Whether it is far larger than the scatter of rows under the same conditions.
     is_far_from_repeats: bool,
     /// Degrees of freedom of the scatter; none where the error, without rows that are far off, is far larger than that of
-    /// neighbouring rows: that is not all of the noise, so it cannot say that something is left, and not that nothing is.
+    /// neighbouring rows: they do not have all of the noise, and show neither that something is left nor that nothing is.
     noise_dof: usize,
 }
 
