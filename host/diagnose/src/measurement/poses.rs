@@ -161,12 +161,13 @@ impl<'a> Columns<'a> {
 
     /// Columns without which a row is no sample.
     fn needed(&self) -> impl Iterator<Item = &'a Column> {
-        [self.time, self.word].into_iter().chain(self.servos.iter().copied()).chain(self.pose.iter().copied())
+        let conditions = [self.time, self.word].into_iter().chain(self.load);
+        conditions.chain(self.servos.iter().copied()).chain(self.pose.iter().copied())
     }
 
     /// Columns that hold nothing which is known here, and angles that look like another unit.
     fn findings(&self) -> Vec<Finding> {
-        let optional = [self.previous, self.supply, self.temperature, self.load, self.run, self.visit];
+        let optional = [self.previous, self.supply, self.temperature, self.run, self.visit];
         let known: Vec<&str> =
             self.needed().chain(optional.into_iter().flatten()).map(|column| &column.name[..]).collect();
         let unread = |column: &&Column| !known.contains(&&column.name[..]) && column.meaning() != "held_out";

@@ -218,7 +218,7 @@ impl Observations {
 }
 
 /// What had come to each actuator of an arm in one sample.
-#[derive(Clone)]
+#[derive(Clone, Debug, PartialEq)]
 struct History {
     /// How often it had switched.
     switches: Vec<f64>,
@@ -227,12 +227,26 @@ struct History {
 }
 
 impl History {
-    /// Adds a sample.
-    fn follow(&mut self, sample: &Sample) {
-        let Some(previous) = sample.previous else { return };
-        for k in (0..self.switches.len()).filter(|&k| previous.digit(k) != sample.word.digit(k)) {
+    /// Adds a sample that follows `last` in the log.
+    ///
+    /// Where its word before is not that of `last`, rows between them are missing. What differs between the two switched
+    /// in one of those: in the middle of the gap, as far as anyone knows.
+    fn follow(&mut self, last: Option<&Sample>, sample: &Sample) {
+        let last = last.filter(|last| last.run == sample.run);
+        if last.is_some_and(|last| last.visit == sample.visit) {
+            return;
+        }
+        let before = sample.previous.or(last.map(|last| last.word)).unwrap_or(sample.word);
+        if let Some(last) = last {
+            self.switch(last.word, before, f64::midpoint(last.time_s, sample.time_s));
+        }
+        self.switch(before, sample.word, sample.time_s);
+    }
+
+    fn switch(&mut self, from: Word, to: Word, time_s: f64) {
+        for k in (0..self.switches.len()).filter(|&k| from.digit(k) != to.digit(k)) {
             self.switches[k] += 1.0;
-            self.switched_s[k] = sample.time_s;
+            self.switched_s[k] = time_s;
         }
     }
 }
@@ -241,9 +255,54 @@ impl History {
 fn histories(arm: &Arm, run: &Run) -> Vec<History> {
     let n = arm.n_actuators();
     let mut history = History { switches: vec![0.0; n], switched_s: vec![run.start_s(); n] };
-    let after = |sample: &Sample| {
-        history.follow(sample);
+    let mut last = None;
+    let after = |sample| {
+        history.follow(last, sample);
+        last = Some(sample);
         history.clone()
     };
     run.samples.iter().map(after).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::measurement::poses::{self, Which};
+
+    fn row(visit: u32, previous: &str, word: &str) -> String {
+        format!("{}.0,{visit},{word},{previous},0.1,0.2,3\n", 4 * visit)
+    }
+
+    /// After the last of these rows.
+    fn history(rows: &[String]) -> History {
+        let text = include_str!("../../../../examples/planar4.toml");
+        let arm = Arm::parse(Path::new("planar4.toml"), text).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.csv");
+        std::fs::write(&path, format!("time_s,visit,word,previous,x_m,y_m,angle_deg\n{}", rows.concat())).unwrap();
+        let (run, _) = poses::read(&path, &Default::default(), &Which::default()).unwrap();
+        histories(&arm, &run).pop().unwrap()
+    }
+
+    #[test]
+    fn a_switch_in_a_missing_row_is_counted_and_dated_within_the_gap() {
+        let mut rows = vec![
+            row(0, "000000000000", "000000000000"),
+            row(1, "000000000000", "100000000000"),
+            row(2, "100000000000", "110000000000"),
+            row(3, "110000000000", "010000000000"),
+        ];
+        let whole = history(&rows);
+        assert_eq!((&whole.switches[..3], &whole.switched_s[..3]), (&[2.0, 1.0, 0.0][..], &[12.0, 8.0, 0.0][..]));
+        rows.remove(2);
+        assert_eq!(history(&rows), whole, "the missing row is in the middle of the gap");
+    }
+
+    #[test]
+    fn rows_of_one_visit_count_one_switch() {
+        let row = row(1, "000000000000", "100000000000");
+        assert_eq!(history(&[row.clone(), row]).switches[0], 1.0);
+    }
 }

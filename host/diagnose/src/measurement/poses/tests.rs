@@ -51,6 +51,12 @@ fn rows_with_an_empty_cell_are_left_out_and_counted() {
 }
 
 #[test]
+fn a_row_whose_load_is_not_known_is_left_out() {
+    let (run, findings) = read("time_s,word,x_m,y_m,angle_deg,load_kg\n0,01,0,0,0,0\n1,11,0,0,0,\n").unwrap();
+    assert_eq!((run.samples.len(), findings[0].kind), (1, FindingKind::MissingValue));
+}
+
+#[test]
 fn a_row_without_a_pose_is_left_out_and_told() {
     let (run, findings) = read("time_s,word,x_m,y_m,angle_deg\n0,01,NaN,0,0\n1,11,0,0,0\n").unwrap();
     assert_eq!(run.samples.len(), 1);
