@@ -121,7 +121,7 @@ fn consistent(weighted: Under<Signals>, fit: &Fit) -> Option<Fit> {
 mod tests {
     use super::*;
     use crate::effect::{Law, Place, Site};
-    use crate::linearise::experiment::{Axis, Candidate, Experiment};
+    use crate::linearise::experiment::{Axis, Candidate, Curvature, Experiment};
     use crate::measured::Measured;
     use crate::prepare::groups::{Groups, Row};
 
@@ -146,7 +146,7 @@ mod tests {
                 channels: Vec::new(),
                 bodies: Vec::new(),
                 findings: Vec::new(),
-                relinearise: None,
+                curvature: Curvature::None,
             };
             let groups = Groups::new(&experiment.rows);
             let problem = Signals::new(experiment, groups);

@@ -116,14 +116,7 @@ pub(crate) fn of_signals(
     for body in &mut experiment.bodies {
         body.candidate -= flags[..body.candidate].iter().filter(|is_out| **is_out).count();
     }
-    if let Some(inner) = experiment.relinearise.take() {
-        experiment.relinearise = Some(Box::new(move |values| {
-            let mut all = vec![0.0; n_values];
-            kept.iter().zip(values).for_each(|(&at, value)| all[at] = *value);
-            let (residuals, mut columns) = inner(&all);
-            (residuals, kept.iter().map(|&at| std::mem::take(&mut columns[at])).collect())
-        }));
-    }
+    experiment.curvature = experiment.curvature.of(kept, n_values);
     let mut flags = flags.into_iter();
     let (out, kept) = experiment.candidates.into_iter().partition(|_| flags.next().unwrap_or_default());
     experiment.candidates = kept;

@@ -1,6 +1,6 @@
 //! Which effects of a model of signals are named, and the confidence intervals of their values.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use crate::effect::{Effect, Value};
 use crate::judge::selected::SelectedSignals;
@@ -15,11 +15,15 @@ use crate::select::simplify::surrogates;
 
 /// A value whose uncertainty these rows lower to no less than this share of what was known before is not identified.
 const NOT_NARROWED: f64 = 0.7;
+/// Cosine between the columns of two shapes from which on a shape between them lies between their columns.
+const SIMILAR_SHAPES: f64 = 0.5;
+/// Standard deviation of a share that is anywhere from 0 to 1/2, about 0.
+const SHARE_BETWEEN_SHAPES: f64 = 0.289;
 /// A value is not identified where all but this share of its column is that of others.
 const OWN_SHARE: f64 = 1e-6;
 
 /// Standard deviations of the values with these numbers: of independent rows with their priors, or by pieces of rows
-/// (sandwich), whichever is larger.
+/// (sandwich), whichever is larger; with them what the shapes between those that were tried would change.
 fn deviations(selected: &SelectedSignals, indices: &[usize]) -> Vec<f64> {
     let SelectedSignals { problem, best, .. } = selected;
     let weighted = problem.under(best);
@@ -35,7 +39,47 @@ fn deviations(selected: &SelectedSignals, indices: &[usize]) -> Vec<f64> {
         }
     }
     let sandwich = &inverse * (&scores * scores.transpose()) * &inverse;
-    (0..indices.len()).map(|k| sandwich[(k, k)].max(inverse[(k, k)]).max(0.0).sqrt()).collect()
+    let by_shape = by_shape(selected, indices, &inverse);
+    (0..indices.len()).map(|k| (sandwich[(k, k)].max(inverse[(k, k)]).max(0.0) + by_shape[k]).sqrt()).collect()
+}
+
+/// Variances of values because the numbers in the shapes of laws come from a grid. The law with the next shape in place of a
+/// share w of its own would move the others by w·A⁻¹·(change of its column); w lies anywhere up to the middle of the gap.
+fn by_shape(selected: &SelectedSignals, indices: &[usize], inverse: &DMatrix<f64>) -> Vec<f64> {
+    let SelectedSignals { problem, best, .. } = selected;
+    let mut variances = vec![0.0; indices.len()];
+    for &candidate in &best.fit.active {
+        let own = problem.indices(&[candidate]);
+        let shifts = next_shapes(selected, candidate).map(|next| {
+            let both = [indices, &own[..1], &problem.indices(&[next])[..1]].concat();
+            let information = problem.under(best).information(&both);
+            let n = indices.len();
+            let change = DVector::from_fn(n, |k, _| information[(k, n + 1)] - information[(k, n)]);
+            inverse * change * (best.fit.values[own[0]] * SHARE_BETWEEN_SHAPES)
+        });
+        let squares = shifts.map(|shift| shift.component_mul(&shift));
+        let largest = squares.fold(DVector::zeros(indices.len()), |largest: DVector<f64>, square| largest.sup(&square));
+        variances.iter_mut().zip(largest.iter()).for_each(|(variance, square)| *variance += square);
+    }
+    variances
+}
+
+/// The same law at its place with the next smaller and the next larger number in its shape, where the model has not both
+/// and something lies between them: not so of two periods.
+fn next_shapes(selected: &SelectedSignals, candidate: usize) -> impl Iterator<Item = usize> {
+    let SelectedSignals { problem, best, .. } = selected;
+    let all = &problem.experiment.candidates;
+    let number = |k: usize| all[k].shape.as_ref().map_or(0.0, |(_, number, _)| *number);
+    let others = (0..all.len()).filter(|&k| k != candidate && all[k].is_same(&all[candidate]));
+    let (below, above): (Vec<usize>, Vec<usize>) = others.partition(|&k| number(k) < number(candidate));
+    let below = below.into_iter().max_by(|&a, &b| number(a).total_cmp(&number(b)));
+    let above = above.into_iter().min_by(|&a, &b| number(a).total_cmp(&number(b)));
+    let is_near = move |k: &usize| {
+        let both = problem.indices(&[candidate, *k]);
+        let information = problem.under(best).information(&both);
+        information[(0, 1)] > SIMILAR_SHAPES * (information[(0, 0)] * information[(1, 1)]).sqrt()
+    };
+    below.into_iter().chain(above).filter(|k| !best.fit.active.contains(k)).filter(is_near)
 }
 
 /// The effects with the values that these rows identify, and the names of those that they do not.

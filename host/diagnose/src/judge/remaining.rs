@@ -43,6 +43,8 @@ pub(crate) struct Remaining {
     pub(crate) terms: Vec<Dependence>,
     /// What they take up, as a share of the squares before anything was found, each axis in units of its scatter.
     pub(crate) share: f64,
+    /// The largest root mean square of an axis in units of what the terms leave of it.
+    pub(crate) over_noise: f64,
 }
 
 /// What the residual of a model depends on.
@@ -53,17 +55,19 @@ pub(crate) fn remaining(problem: &Signals, best: &Trial<Signals>) -> Remaining {
     let dictionary = dictionary(experiment);
     let designs: Vec<Design> = dictionary.iter().filter_map(|term| Design::new(term, rows)).collect();
     let mut terms = Vec::new();
-    let (mut taken, mut before) = (0.0, f64::MIN_POSITIVE);
+    let (mut taken, mut before, mut over_noise) = (0.0, f64::MIN_POSITIVE, 1.0f64);
     for (axis, of) in own_axes(experiment) {
         let (own, scatter) = winsorized(&of_axis(&after, n_axes, axis));
         let in_scatter = |own: &[f64]| squares(own, rows) / (scatter * scatter);
         let total = in_scatter(&own);
         let depends = dependences(problem, of, &designs, own);
-        taken += depends.iter().map(|term| term.share).sum::<f64>() * total;
+        let share = depends.iter().map(|term| term.share).sum::<f64>();
+        taken += share * total;
+        over_noise = over_noise.max((1.0 - share).max(f64::MIN_POSITIVE).sqrt().recip());
         before += in_scatter(&winsorized(&of_axis(&experiment.residuals, n_axes, axis)).0);
         terms.extend(depends);
     }
-    Remaining { terms, share: taken / before }
+    Remaining { terms, share: taken / before, over_noise }
 }
 
 /// The terms of one axis, the strongest first. Rows repeat each other as far as what a term leaves is correlated from row

@@ -51,7 +51,7 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
         true => intervals::likeliest(selected, MAX_COMPARED),
         false => of_rivals(selected, &rivals),
     };
-    let Remaining { terms: mut remaining, share: left } = remaining::remaining(problem, best);
+    let Remaining { terms: mut remaining, share: left, over_noise } = remaining::remaining(problem, best);
     if effects.is_empty() && remaining.is_empty() && !is_filtered {
         remaining = remaining::memory(problem, best);
     }
@@ -65,7 +65,7 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
         named: effects.len(),
         is_ambiguous: !doubtful.is_empty(),
         was_beyond_noise: !remaining.is_empty() || !effects.is_empty() || !doubtful.is_empty(),
-        is_left: left > UNEXPLAINED_SHARE || rest.is_far_from_repeats,
+        is_left: left > UNEXPLAINED_SHARE || over_noise > MAX_LEFT || rest.is_far_from_repeats,
         is_mainly_taken: left < MAX_PARTLY_LEFT,
         held_out_falls: pooled.map_or_else(|| HeldOut::of(selected).falls(sigma), |pooled| pooled.falls(sigma)),
         noise_dof: rest.noise_dof,

@@ -58,8 +58,22 @@ pub struct BodyCandidate {
     pub nominal: [f64; 10],
 }
 
-/// Residuals and their derivatives at other values than zero: all values in, residuals and one column a value out.
-pub type Relinearise = Box<dyn Fn(&[f64]) -> (Vec<f64>, Vec<Vec<f64>>) + Send + Sync>;
+/// How residuals depart from their columns where values are not small. All values in, rows × axes out.
+#[derive(Default)]
+pub enum Curvature {
+    /// They do not: residuals are linear in all values.
+    #[default]
+    None,
+    /// The residuals, and a column for each value, at these values.
+    Relinearise(Box<Relinearise>),
+    /// What these values add beyond the columns, which change little; `None` where it is nothing.
+    Beyond(Box<Beyond>),
+}
+
+/// See [`Curvature::Relinearise`].
+pub type Relinearise = dyn Fn(&[f64]) -> (Vec<f64>, Vec<Vec<f64>>) + Send + Sync;
+/// See [`Curvature::Beyond`].
+pub type Beyond = dyn Fn(&[f64]) -> Option<Vec<f64>> + Send + Sync;
 
 /// The columns of a table that an experiment reads.
 #[derive(Clone, Debug, PartialEq)]
@@ -101,8 +115,8 @@ pub struct Experiment {
     pub bodies: Vec<BodyCandidate>,
     /// What its values rest on.
     pub findings: Vec<Finding>,
-    /// `None` where the residuals are linear in all values.
-    pub relinearise: Option<Relinearise>,
+    /// How the residuals depart from the columns.
+    pub curvature: Curvature,
 }
 
 impl Moving {
@@ -148,6 +162,52 @@ impl Candidate {
     }
 }
 
+impl Curvature {
+    /// That of a model which has values already: what is given are changes of them.
+    pub(crate) fn around(self, base: Vec<f64>) -> Self {
+        let sum = |values: &[f64], base: &[f64]| -> Vec<f64> {
+            values.iter().zip(base).map(|(value, base)| value + base).collect()
+        };
+        match self {
+            Self::None => Self::None,
+            Self::Relinearise(inner) => Self::Relinearise(Box::new(move |values| inner(&sum(values, &base)))),
+            Self::Beyond(inner) => {
+                let at_base: Option<Vec<f64>> = inner(&base).map(|own| own.iter().map(|own| -own).collect());
+                Self::Beyond(Box::new(move |values| {
+                    let mut beyond = inner(&sum(values, &base));
+                    match &mut beyond {
+                        Some(beyond) => add(beyond, at_base.as_deref()),
+                        None => beyond.clone_from(&at_base),
+                    }
+                    beyond
+                }))
+            }
+        }
+    }
+
+    /// That of the values with these numbers among `n_all`; the others stay zero.
+    pub(crate) fn of(self, kept: Vec<usize>, n_all: usize) -> Self {
+        let all = move |values: &[f64], kept: &[usize]| {
+            let mut all = vec![0.0; n_all];
+            kept.iter().zip(values).for_each(|(&at, value)| all[at] = *value);
+            all
+        };
+        match self {
+            Self::None => Self::None,
+            Self::Relinearise(inner) => Self::Relinearise(Box::new(move |values| {
+                let (residuals, mut columns) = inner(&all(values, &kept));
+                (residuals, kept.iter().map(|&at| std::mem::take(&mut columns[at])).collect())
+            })),
+            Self::Beyond(inner) => Self::Beyond(Box::new(move |values| inner(&all(values, &kept)))),
+        }
+    }
+}
+
+/// Adds numbers of rows × axes, where there are any.
+fn add(numbers: &mut [f64], more: Option<&[f64]>) {
+    numbers.iter_mut().zip(more.into_iter().flatten()).for_each(|(number, more)| *number += more);
+}
+
 impl Experiment {
     /// An experiment with one axis whose residuals are linear in all values, without channels.
     pub(crate) fn of_one(
@@ -168,7 +228,7 @@ impl Experiment {
             channels: Vec::new(),
             bodies: Vec::new(),
             findings: Vec::new(),
-            relinearise: None,
+            curvature: Curvature::None,
         }
     }
 
@@ -215,10 +275,13 @@ impl Experiment {
 
     /// Residuals with these values of all candidates.
     pub fn at(&self, values: &[f64]) -> Vec<f64> {
-        if let Some(relinearise) = &self.relinearise {
+        if let Curvature::Relinearise(relinearise) = &self.curvature {
             return relinearise(values).0;
         }
         let mut residuals = self.residuals.clone();
+        if let Curvature::Beyond(beyond) = &self.curvature {
+            add(&mut residuals, beyond(values).as_deref());
+        }
         let all = self.candidates.iter().flat_map(|candidate| &candidate.values);
         for (value, size) in all.zip(values).filter(|(_, size)| **size != 0.0) {
             residuals.iter_mut().zip(&value.column).for_each(|(residual, slope)| *residual += slope * size);

@@ -36,8 +36,10 @@ use crate::linearise::model_effects::ModelEffect;
 use crate::measurement::root_mean_square;
 use crate::measurement::signal::rate;
 
-/// v₀ over the root mean square of v.
-const CREEP: [f64; 3] = [0.05, 0.2, 0.5];
+/// v₀ over the root mean square of v: from a friction that reverses at once, between two rows, to one that hardly does.
+const CREEP: [f64; 5] = [0.003, 0.0125, 0.05, 0.2, 0.5];
+/// The same of friction that wears.
+const WEARING_CREEP: f64 = 0.05;
 /// v_s over the root mean square of v.
 const STRIBECK: [f64; 3] = [0.1, 0.3, 1.0];
 /// d over the range of x.
@@ -90,7 +92,7 @@ impl Coordinate<'_> {
         let distances = PRESLIDING.map(|share| share * stroke);
         laws.extend(distances.map(|distance| Law::PreslidingFriction(PreslidingFriction { distance })));
         laws.extend(distances.map(|distance| Law::PositionDependentFriction(PositionDependentFriction { distance })));
-        laws.push(Law::FrictionWear(FrictionWear { creep_speed: CREEP[0] * usual }));
+        laws.push(Law::FrictionWear(FrictionWear { creep_speed: WEARING_CREEP * usual }));
         if self.load.is_some() {
             laws.extend(
                 CREEP.map(|share| Law::LoadDependentFriction(LoadDependentFriction { creep_speed: share * usual })),

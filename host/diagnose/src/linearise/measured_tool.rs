@@ -14,7 +14,7 @@ use darm_core::se::{Pose, Twist, rotation_exp, rotation_jacobian, rotation_log};
 use nalgebra::{DMatrix, DVector, Quaternion, UnitQuaternion};
 
 use crate::effect::{Law, Place, Site};
-use crate::linearise::experiment::{Axis, Candidate, Columns, Experiment, Moving, Relinearise, Value};
+use crate::linearise::experiment::{Axis, Candidate, Columns, Curvature, Experiment, Moving, Value};
 use crate::linearise::serial_chain::{self, FrameChain, SerialChain};
 use crate::measured::Measured;
 use crate::measurement::rigid_motion::nearest_rotation;
@@ -76,7 +76,7 @@ pub(crate) fn experiment(data: &Prepared, robot: &Robot, how: &MeasuredTool) -> 
         axes.extend(["about x", "about y", "about z"].map(|name| Axis::new(name, "rad")));
     }
     let channels = rows.chain.channels();
-    let relinearise: Relinearise = Box::new(move |values| rows.at(values));
+    let curvature = Curvature::Relinearise(Box::new(move |values| rows.at(values)));
     Ok(Experiment {
         kind: if how.oriented { Measured::ToolPose } else { Measured::ToolPosition },
         axes,
@@ -88,7 +88,7 @@ pub(crate) fn experiment(data: &Prepared, robot: &Robot, how: &MeasuredTool) -> 
         channels,
         bodies: Vec::new(),
         findings,
-        relinearise: Some(relinearise),
+        curvature,
     })
 }
 

@@ -160,11 +160,7 @@ pub(crate) fn apply(experiment: &mut Experiment, known: &[ModelEffect]) -> Resul
         let first = offsets[body.candidate];
         body.nominal.iter_mut().zip(&base[first..first + 10]).for_each(|(own, change)| *own += change);
     }
-    if let Some(inner) = experiment.relinearise.take() {
-        experiment.relinearise = Some(Box::new(move |values| {
-            inner(&values.iter().zip(&base).map(|(value, base)| value + base).collect::<Vec<f64>>())
-        }));
-    }
+    experiment.curvature = std::mem::take(&mut experiment.curvature).around(base);
     Ok(())
 }
 

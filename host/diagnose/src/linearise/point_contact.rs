@@ -9,7 +9,7 @@
 
 use darm_core::real::Vec3;
 
-use crate::linearise::experiment::{Axis, Experiment, Relinearise};
+use crate::linearise::experiment::{Axis, Curvature, Experiment};
 use crate::linearise::serial_chain::{FrameChain, PER_JOINT, SerialChain};
 use crate::measured::Measured;
 use crate::measurement::{Finding, FindingKind, root_mean_square};
@@ -64,7 +64,7 @@ pub(crate) fn experiment(data: &Prepared, robot: &Robot, points: &Points) -> Res
         axes.push(Axis { noise_if_repeated: Some(PAIR_NOISE), ..Axis::new("distance of points", "m") });
     }
     let channels = contact.chain.channels();
-    let relinearise: Relinearise = Box::new(move |values| contact.at(values));
+    let curvature = Curvature::Relinearise(Box::new(move |values| contact.at(values)));
     Ok(Experiment {
         kind: Measured::PointContact,
         axes,
@@ -76,7 +76,7 @@ pub(crate) fn experiment(data: &Prepared, robot: &Robot, points: &Points) -> Res
         channels,
         bodies: Vec::new(),
         findings,
-        relinearise: Some(relinearise),
+        curvature,
     })
 }
 

@@ -7,7 +7,7 @@
 //! | `link-error` | its frame moved in the frame that carries it | m |
 //! | `joint-compliance` | q + c·τ with τ the torque of the links' weight; where the robot has no masses, of 1 kg at each later joint and at the tool | rad/(N·m) |
 //! | `link-compliance` | its frame turned about the two axes across by their moments, alike | rad/(N·m) |
-//! | `encoder-periodic` | q + s·sin q + k·cos q | rad |
+//! | `encoder-periodic` | q + s·sin q + k·cos q + s₂·sin 2q + k₂·cos 2q: a disc off its centre, and one that is bent or read by two heads | rad |
 //! | `tool-frame` | the tool moved in its link, and turned where its orientation is measured | m, rad |
 //!
 //! Every value has a prior: the standard deviation of what it may be before anything is measured.
@@ -31,8 +31,9 @@ pub(super) const OFFSET: [&str; 1] = ["offset"];
 pub(super) const TURNS: [&str; 2] = ["first turn across", "second turn across"];
 pub(super) const SHIFT: [&str; 3] = ["x", "y", "z"];
 pub(super) const TOOL: [&str; 6] = ["x", "y", "z", "turn about x", "turn about y", "turn about z"];
-/// Values of one joint: offset, two turns, three shifts, compliance, two of the link, sine and cosine.
-pub(super) const PER_JOINT: usize = 11;
+pub(super) const PERIODIC: [&str; 4] = ["sine", "cosine", "sine of twice the angle", "cosine of twice the angle"];
+/// Values of one joint: offset, two turns, three shifts, compliance, two of the link, and the periodic ones.
+pub(super) const PER_JOINT: usize = 9 + PERIODIC.len();
 
 /// One posture.
 struct Posture {
@@ -154,7 +155,7 @@ impl SerialChain {
             add(Law::JointCompliance, &site, &[("compliance", "rad/(N·m)", compliance)]);
             let across = [("first, across", "rad/(N·m)", compliance), ("second, across", "rad/(N·m)", compliance)];
             add(Law::LinkCompliance, &site, &across);
-            add(Law::EncoderPeriodic, &site, &[("sine", "rad", periodic), ("cosine", "rad", periodic)]);
+            add(Law::EncoderPeriodic, &site, &PERIODIC.map(|name| (name, "rad", periodic)));
         }
         let [shift, turn] = TOOL_PRIORS;
         let dimension = |(k, name)| if k < 3 { (name, "m", shift) } else { (name, "rad", turn) };
@@ -185,8 +186,8 @@ impl SerialChain {
             let turn = first * (own[1] + own[7] * load.y) + second * (own[2] + own[8] * load.z);
             pose = pose * Pose::at(shift) * joint.placement * Pose::new(&turn, Vec3::zeros());
             before.push(pose);
-            let (sine, cosine) = posture.q[k].sin_cos();
-            let angle = posture.q[k] + own[0] + own[6] * load.x + own[9] * sine + own[10] * cosine;
+            let periodic: f64 = periodic(posture.q[k]).iter().zip(&own[9..]).map(|(wave, size)| wave * size).sum();
+            let angle = posture.q[k] + own[0] + own[6] * load.x + periodic;
             pose = pose * Pose { rotation: rotation_exp(&(joint.axis.direction * angle)), position: Vec3::zeros() };
         }
         let last = self.path.len() * PER_JOINT;
@@ -249,7 +250,7 @@ impl SerialChain {
             slopes.extend([turned(&axis, 1.0), turned(&first, 1.0), turned(&second, 1.0)]);
             slopes.extend((0..3).map(|k| moved(on.column(k).into())));
             slopes.extend([turned(&axis, load.x), turned(&first, load.y), turned(&second, load.z)]);
-            slopes.extend([turned(&axis, posture.q[k].sin()), turned(&axis, posture.q[k].cos())]);
+            slopes.extend(periodic(posture.q[k]).map(|wave| turned(&axis, wave)));
             on = at.rotation * rotation_exp(&(axis * posture.q[k]));
         }
         let last = self.path.len() * PER_JOINT;
@@ -262,6 +263,12 @@ impl SerialChain {
         }
         slopes
     }
+}
+
+/// What the values of a periodic error add to an angle.
+fn periodic(q: f64) -> [f64; PERIODIC.len()] {
+    let ((sine, cosine), (of_twice, cosine_of_twice)) = (q.sin_cos(), (2.0 * q).sin_cos());
+    [sine, cosine, of_twice, cosine_of_twice]
 }
 
 /// The columns of the joints on the way to the tool: `q1`, `q2`, …, or those with the joints' names.

@@ -11,10 +11,11 @@ use darm_core::tree::Body;
 use nalgebra::DMatrix;
 
 use self::couplings::{Clock, common_delay, couplings};
+use self::placement::Misplaced;
 use crate::effect::{Place, Site};
 use crate::error::DiagnoseError;
 use crate::linearise::bodies;
-use crate::linearise::experiment::{Axis, BodyCandidate, Candidate, Columns, Experiment, Moving};
+use crate::linearise::experiment::{Axis, BodyCandidate, Candidate, Columns, Curvature, Experiment, Moving};
 use crate::linearise::laws::Coordinate;
 use crate::linearise::model_effects::{self, ModelEffect};
 use crate::linearise::ripple::periods_a_turn;
@@ -113,8 +114,9 @@ fn of_motion(
     let (nominal, regressor) = regressor(robot, motion, rows.len());
     let measured: Vec<f64> = (0..rows.len() * n).map(|k| motion.tau[k % n][k / n]).collect();
     let residuals: Vec<f64> = nominal.iter().zip(&measured).map(|(nominal, measured)| nominal - measured).collect();
-    let (mut candidates, bodies) =
-        all_bodies(robot, motion, known, regressor)?.into_iter().unzip::<_, _, Vec<_>, Vec<_>>();
+    let bodies = all_bodies(robot, motion, known, regressor)?;
+    let misplaced = misplaced(robot, motion, &bodies)?;
+    let (mut candidates, bodies) = bodies.into_iter().unzip::<_, _, Vec<_>, Vec<_>>();
     let sites: Vec<Site> = (0..n).map(|joint| site_of_joint(robot, joint, joint)).collect();
     for (joint, site) in sites.iter().enumerate() {
         let load: Vec<f64> = (0..rows.len()).map(|row| nominal[row * n + joint]).collect();
@@ -133,7 +135,7 @@ fn of_motion(
     candidates.extend(couplings(&clock, motion, transmission, known));
     candidates.push(common_delay(&clock, &nominal, n));
     candidates.iter_mut().for_each(bound);
-    candidates.extend(misplaced(robot, motion, &sites)?);
+    candidates.extend(misplaced.candidates(robot, &sites));
     let channel = |name: &str, of: &[Vec<f64>]| -> Vec<(String, Vec<f64>)> {
         of.iter().enumerate().map(|(k, values)| (format!("{name} of joint {}", k + 1), values.clone())).collect()
     };
@@ -149,7 +151,7 @@ fn of_motion(
         channels: channels.concat(),
         bodies,
         findings: Vec::new(),
-        relinearise: None,
+        curvature: Curvature::Beyond(Box::new(move |values| misplaced.beyond(values))),
     })
 }
 
@@ -172,13 +174,18 @@ fn all_bodies(
     Ok(links.chain(carried).collect())
 }
 
-/// Joints and a base that are not where the model has them.
-fn misplaced(robot: &Robot, motion: &Motion, sites: &[Site]) -> Result<Vec<Candidate>, PrepareError> {
-    let rows = motion.payload.len();
+/// Joints and a base that are not where the model has them; `bodies` are those of the experiment.
+fn misplaced(robot: &Robot, motion: &Motion, bodies: &[(Candidate, BodyCandidate)]) -> Result<Misplaced, PrepareError> {
     let state =
         |row: usize| [&motion.q, &motion.v, &motion.a].map(|of| of.iter().map(|channel| channel[row]).collect());
-    let states: Vec<[Vec<f64>; 3]> = (0..rows).map(state).collect();
-    placement::candidates(robot, &states, sites).map_err(|error| PrepareError::Nothing(error.to_string()))
+    let states = (0..motion.payload.len()).map(state).collect();
+    let link = robot.tool().and_then(|tool| tool.joint);
+    let carried = |number: &u32| {
+        let body = bodies.iter().position(|(candidate, _)| candidate.site.place == Place::Payload(*number))?;
+        Some((body, link?))
+    };
+    let carried = motion.payload.iter().map(carried).collect();
+    Misplaced::new(robot, states, carried).map_err(|error| PrepareError::Nothing(error.to_string()))
 }
 
 /// Bounds the values of a law: the torques are those of the motors, so what takes power never lowers them.

@@ -13,7 +13,7 @@ use nalgebra::{Quaternion, UnitQuaternion};
 
 use crate::effect::{Law, Place, Site};
 use crate::linearise::bodies::candidate;
-use crate::linearise::experiment::{Axis, Candidate, Experiment, Value};
+use crate::linearise::experiment::{Axis, Candidate, Curvature, Experiment, Value};
 use crate::measured::Measured;
 use crate::prepare::signals::{PrepareError, Prepared};
 use darm_robot::rigid_body::regressor::{BodyMotion, link_motions, wrench_regressor};
@@ -73,7 +73,7 @@ pub(crate) fn experiment(data: &Prepared, robot: &Robot) -> Result<Experiment, P
         channels: channels(data, robot, joints),
         bodies,
         findings: Vec::new(),
-        relinearise: None,
+        curvature: Curvature::None,
     })
 }
 

@@ -15,6 +15,8 @@ const MAX_EFFECTS: usize = 60;
 const MIN_ROUNDS: usize = 2;
 const MAX_ROUNDS: usize = 50;
 const NOISE_REL_TOL: f64 = 1e-3;
+/// Fits of a candidate to residuals that are not linear: each takes an error of a share x to about x².
+const MAX_REFITS: usize = 3;
 /// Candidates times folds up to which exchanges are worth their time.
 const MAX_TO_EXCHANGE: usize = 1200;
 
@@ -120,9 +122,18 @@ impl RegressionProblem for Signals {
         Around { factored: Factored::new(self.under(model), model.fit.active.clone()), fit: &model.fit }
     }
 
-    /// A linear fit is a full one.
+    /// Where the residuals are linear, a linear fit is a full one.
     fn refitted(&self, trial: &Trial<Self>) -> Result<Trial<Self>, Infallible> {
-        Ok(trial.clone())
+        let (mut refitted, sigma) = (trial.clone(), &trial.weighting.sigma);
+        for _ in 0..MAX_REFITS {
+            let Some(linearised) = self.moved_on(&refitted) else { break };
+            let residuals = in_noise(linearised.residuals(&refitted.fit.values), sigma);
+            let weighting = Arc::new(self.weigh(&residuals, sigma.clone(), linearised));
+            let under = Under { problem: self, weighting: &weighting };
+            refitted = Factored::new(under, refitted.fit.active).trial(refitted.effect);
+        }
+        // It is compared under the weighting that the others have.
+        Ok(Trial { weighting: Arc::clone(&trial.weighting), ..refitted })
     }
 
     fn loss(&self, weighting: &Weighting, predicted: &[f64]) -> Loss {

@@ -19,13 +19,15 @@ use super::columns::Columns;
 use super::problem::{Trial, Under};
 use super::robust_fit::{losses, weights};
 use crate::effect::Law;
-use crate::linearise::experiment::{Candidate, Experiment};
+use crate::linearise::experiment::{Candidate, Curvature, Experiment};
 use crate::prepare::groups::Groups;
 use crate::prepare::repeatability::MEDIAN_OF_NORMAL;
 use crate::progress::Progress;
 
 /// Share of the information that is added to each value's own, so that what is not determined stays small.
 const RIDGE: f64 = 1e-9;
+/// Residuals that are off by so little, in squares of the noise, decide nothing.
+const NEGLIGIBLE_LOSS: f64 = 1e-2;
 /// One row in as many, the farthest off, does not count in the noise. Of a model that holds every law from the start the
 /// median gives the noise: it leaves nothing that outliers could be mistaken for.
 const TRIMMED: usize = 100;
@@ -60,7 +62,7 @@ pub struct Signals {
 /// Residuals and columns of the training rows near a model.
 #[derive(Debug)]
 pub(super) struct Linearised {
-    pub(super) columns: Columns,
+    pub(super) columns: Arc<Columns>,
     /// Residuals where all values are zero, as far as they are linear.
     pub(super) zero: Vec<f64>,
 }
@@ -99,6 +101,19 @@ impl Weighting {
     }
 }
 
+impl Linearised {
+    /// The same columns, with residuals that are off by so much.
+    fn with(&self, more: &[f64]) -> Self {
+        let zero = self.zero.iter().zip(more).map(|(zero, more)| zero + more).collect();
+        Self { columns: Arc::clone(&self.columns), zero }
+    }
+
+    /// The residuals at these values.
+    pub(super) fn residuals(&self, values: &[f64]) -> Vec<f64> {
+        self.zero.iter().zip(&self.columns.moved_all(values)).map(|(zero, moved)| zero + moved).collect()
+    }
+}
+
 impl System {
     /// All values in their units, from those with these numbers.
     pub(super) fn unscaled(&self, indices: &[usize], values: &DVector<f64>) -> Vec<f64> {
@@ -116,7 +131,7 @@ impl Signals {
         let values = || experiment.candidates.iter().flat_map(|candidate| &candidate.values);
         let columns: Vec<&[f64]> = values().map(|value| &value.column[..]).collect();
         let linearised = Linearised {
-            columns: Columns::new(&groups, n_axes, &columns),
+            columns: Arc::new(Columns::new(&groups, n_axes, &columns)),
             zero: training(&groups, n_axes, &experiment.residuals),
         };
         Self {
@@ -161,7 +176,7 @@ impl Signals {
 
     /// Residuals of the training rows, of a model.
     pub(crate) fn training_residuals(&self, fit: &Fit) -> Vec<f64> {
-        training(&self.groups, self.experiment.axes.len(), &self.experiment.at(&fit.values))
+        self.training_rows(&self.experiment.at(&fit.values))
     }
 
     /// Root mean square of the norm of residuals, in its unit.
@@ -174,17 +189,41 @@ impl Signals {
 
     /// Residuals of the training rows at these values, in their units, and the columns there.
     pub(super) fn linearise(&self, values: &[f64]) -> (Vec<f64>, Arc<Linearised>) {
-        let Some(relinearise) = &self.experiment.relinearise else {
-            let Linearised { columns, zero } = &*self.linearised;
-            let moved = columns.moved_all(values);
-            return (zero.iter().zip(&moved).map(|(zero, moved)| zero + moved).collect(), Arc::clone(&self.linearised));
+        let linearised = match &self.experiment.curvature {
+            Curvature::None => Arc::clone(&self.linearised),
+            Curvature::Beyond(beyond) => match beyond(values) {
+                None => Arc::clone(&self.linearised),
+                Some(beyond) => Arc::new(self.linearised.with(&self.training_rows(&beyond))),
+            },
+            Curvature::Relinearise(relinearise) => {
+                let (residuals, columns) = relinearise(values);
+                let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+                let columns = Columns::new(&self.groups, self.experiment.axes.len(), &columns);
+                let moved = columns.moved_all(values);
+                let zero = self.training_rows(&residuals).iter().zip(&moved).map(|(own, moved)| own - moved).collect();
+                Arc::new(Linearised { columns: Arc::new(columns), zero })
+            }
         };
-        let n_axes = self.experiment.axes.len();
-        let (residuals, columns) = relinearise(values);
-        let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
-        let (columns, own) = (Columns::new(&self.groups, n_axes, &columns), training(&self.groups, n_axes, &residuals));
-        let zero = own.iter().zip(&columns.moved_all(values)).map(|(own, moved)| own - moved).collect();
-        (own, Arc::new(Linearised { columns, zero }))
+        (linearised.residuals(values), linearised)
+    }
+
+    /// Where the residuals of a model are not as linear as its fit took them, what they are near it; `None` where the loss
+    /// would hardly change.
+    pub(super) fn moved_on(&self, model: &Trial<Self>) -> Option<Arc<Linearised>> {
+        let Curvature::Beyond(_) = &self.experiment.curvature else { return None };
+        let (residuals, linearised) = self.linearise(&model.fit.values);
+        if Arc::ptr_eq(&linearised, &model.weighting.linearised) {
+            return None;
+        }
+        let assumed = model.weighting.linearised.residuals(&model.fit.values);
+        let differences = residuals.iter().zip(&assumed).map(|(now, assumed)| now - assumed).collect();
+        let loss = in_noise(differences, &model.weighting.sigma).iter().map(|off| off * off).sum::<f64>();
+        (loss > NEGLIGIBLE_LOSS).then_some(linearised)
+    }
+
+    /// The numbers of the rows that a fit sees, of those of all rows × axes.
+    fn training_rows(&self, all: &[f64]) -> Vec<f64> {
+        training(&self.groups, self.experiment.axes.len(), all)
     }
 
     /// Noise of each axis by these residuals.

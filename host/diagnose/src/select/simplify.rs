@@ -135,7 +135,7 @@ pub(crate) fn surrogates(problem: &Signals, best: &Trial<Signals>, n_known: usiz
 mod tests {
     use super::*;
     use crate::effect::{Law, Place, Site};
-    use crate::linearise::experiment::{Axis, Candidate, Experiment};
+    use crate::linearise::experiment::{Axis, Candidate, Curvature, Experiment};
     use crate::measured::Measured;
     use crate::prepare::groups::Groups;
     use crate::prepare::groups::Row;
@@ -166,7 +166,7 @@ mod tests {
             channels: Vec::new(),
             bodies: Vec::new(),
             findings: Vec::new(),
-            relinearise: None,
+            curvature: Curvature::None,
         };
         let groups = Groups::new(&experiment.rows);
         Signals::new(experiment, groups)

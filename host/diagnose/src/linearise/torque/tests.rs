@@ -8,9 +8,10 @@ use darm_core::se::{Pose, rotation_exp};
 use darm_robot::description;
 use darm_robot::robot::{Motion, Robot};
 
-use super::placement;
+use super::placement::Misplaced;
 use crate::diagnosis::{SignalOptions, diagnose_table};
 use crate::effect::{Law, Place, Site};
+use crate::linearise::experiment::Candidate;
 use crate::linearise::model::{Model, What};
 use crate::linearise::serial_chain::site_of_joint;
 use crate::measurement::table::{Names, Table};
@@ -83,6 +84,11 @@ fn state(time_s: f64) -> [Vec<f64>; 3] {
 
 /// The diagnosis of the model of the robot as it is with torques that were measured, and with the number of a payload.
 fn diagnosed(measured: impl Fn(f64) -> (Vec<f64>, u32)) -> Diagnosis {
+    diagnosed_with(NOISE_NM, measured)
+}
+
+/// The same with another noise, peak to peak.
+fn diagnosed_with(noise_nm: f64, measured: impl Fn(f64) -> (Vec<f64>, u32)) -> Diagnosis {
     let of_joints =
         ["q", "v", "a", "tau"].map(|letter| (1..=JOINTS).map(|k| format!("{letter}{k},")).collect::<String>());
     let mut text = format!("t,{}payload\n", of_joints.concat());
@@ -92,7 +98,7 @@ fn diagnosed(measured: impl Fn(f64) -> (Vec<f64>, u32)) -> Diagnosis {
         let (torques, payload) = measured(time_s);
         let noisy = torques.into_iter().map(|torque| {
             noise = noise.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            torque + NOISE_NM * ((noise >> 40) as f64 / f64::from(1 << 24) - 0.5)
+            torque + noise_nm * ((noise >> 40) as f64 / f64::from(1 << 24) - 0.5)
         });
         let numbers = std::iter::once(time_s).chain(state(time_s).concat()).chain(noisy);
         let cells: Vec<String> = numbers.map(|number| format!("{number:.7}")).collect();
@@ -115,12 +121,16 @@ fn holds([low, high]: [f64; 2], value: f64, within: f64) {
     assert!(low < value && value < high && high - low < within, "{low} to {high} for {value}");
 }
 
+fn candidates(robot: &Robot, states: &[[Vec<f64>; 3]], sites: &[Site]) -> Vec<Candidate> {
+    Misplaced::new(robot, states.to_vec(), vec![None; states.len()]).unwrap().candidates(robot, sites)
+}
+
 #[test]
 fn columns_are_the_first_order_of_what_moved_robots_need() {
     let (robot, size) = (tx40(), 1e-4);
     let states: Vec<[Vec<f64>; 3]> = (0..5).map(|k| state(0.37 * f64::from(k))).collect();
     let sites: Vec<Site> = (0..JOINTS).map(|joint| site_of_joint(&robot, joint, joint)).collect();
-    let candidates = placement::candidates(&robot, &states, &sites).unwrap();
+    let candidates = candidates(&robot, &states, &sites);
     let all = |robot: &Robot| states.iter().flat_map(|state| torque(robot, state)).collect::<Vec<_>>();
     let nominal = all(&robot);
     let largest = nominal.iter().fold(0.0, |largest: f64, torque| largest.max(torque.abs()));
@@ -142,12 +152,44 @@ fn columns_are_the_first_order_of_what_moved_robots_need() {
 }
 
 #[test]
+fn what_columns_leave_out_of_moved_robots_is_added() {
+    let robot = tx40();
+    let states: Vec<[Vec<f64>; 3]> = (0..5).map(|k| state(0.37 * f64::from(k))).collect();
+    let payload = Some((JOINTS, JOINTS - 1));
+    let carried = vec![None, payload, payload, None, None];
+    let misplaced = Misplaced::new(&robot, states.clone(), carried.clone()).unwrap();
+    let sites: Vec<Site> = (0..JOINTS).map(|joint| site_of_joint(&robot, joint, joint)).collect();
+    let columns: Vec<Vec<f64>> =
+        misplaced.candidates(&robot, &sites).into_iter().flat_map(|one| one.values).map(|value| value.column).collect();
+    let mut values = vec![0.0; 10 * (JOINTS + 1) + columns.len()];
+    // A payload of 2 kg at the link's origin, and joint 3 and the base far from their places.
+    values[10 * JOINTS] = 2.0;
+    assert_eq!(misplaced.beyond(&values), None);
+    let (offset, turn) = (0.2, Vec3::new(0.0, 0.15, 0.0));
+    let first = 10 * (JOINTS + 1);
+    (values[first + 1], values[first + 4]) = (offset, turn.y);
+    let beyond = misplaced.beyond(&values).unwrap();
+    for (row, state) in states.iter().enumerate() {
+        let shown = if carried[row].is_some() { loaded(2.0, Vec3::zeros()) } else { tx40() };
+        let mut real = shown.clone();
+        let own = &mut real.joints[2].joint;
+        own.placement = own.placement * Pose::new(&(own.axis.direction * offset), Vec3::zeros());
+        real.gravity = rotation_exp(&turn).transpose() * real.gravity;
+        for (joint, (real, shown)) in torque(&real, state).iter().zip(torque(&shown, state)).enumerate() {
+            let at = row * JOINTS + joint;
+            let linear = offset * columns[1][at] + turn.y * columns[4][at];
+            assert!((shown + linear + beyond[at] - real).abs() < 1e-9, "row {row}, joint {joint}");
+        }
+    }
+}
+
+#[test]
 fn the_base_of_a_robot_with_parallel_axes_tilts_as_its_first_joint_is_offset() {
     let robot = locked(&["joint_1", "joint_4", "joint_5", "joint_6"]);
     let first_two = |time_s: f64| state(time_s).map(|of| of[..2].to_vec());
     let states: Vec<[Vec<f64>; 3]> = (0..5).map(|k| first_two(0.37 * f64::from(k))).collect();
     let sites: Vec<Site> = (0..2).map(|joint| site_of_joint(&robot, joint, joint)).collect();
-    let candidates = placement::candidates(&robot, &states, &sites).unwrap();
+    let candidates = candidates(&robot, &states, &sites);
     let [offset, _, tilt] = &candidates[..] else { panic!("{}", candidates.len()) };
     assert_eq!((tilt.law, tilt.values.len()), (Law::BaseTilt, 1));
     // Differences with a step of 1e-4 are good to 1e-8 of the torque.
@@ -162,6 +204,13 @@ fn an_offset_of_a_joint_is_named_alone_with_its_size() {
     let real = with_offset(1, 0.01);
     let values = alone(&diagnosed(|t| (torque(&real, &state(t)), 0)), Law::JointOffset, Place::Joint(1));
     holds(values["offset"], 0.01, 0.003);
+}
+
+#[test]
+fn a_large_offset_is_named_alone_where_noise_is_small() {
+    let real = with_offset(2, 0.05);
+    let values = alone(&diagnosed_with(0.01, |t| (torque(&real, &state(t)), 0)), Law::JointOffset, Place::Joint(2));
+    holds(values["offset"], 0.05, 0.001);
 }
 
 #[test]
