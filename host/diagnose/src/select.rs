@@ -6,6 +6,7 @@ mod columns;
 pub mod cross_validation;
 pub(crate) mod factored;
 pub mod forward;
+mod normal_equations;
 pub mod problem;
 pub mod robust_fit;
 pub mod search;

@@ -197,11 +197,9 @@ impl Comparison<'_> {
         let n_tried = hypotheses.len() as f64;
         let is_chance = |as_read: &Left, left: &Left| as_read.chance_of_fall_to(left) * n_tried >= DISCOVERY_LEVEL;
         let mut tried = self.tried(hypotheses, |_| Laws::None);
-        let mut as_read: BTreeMap<isize, Option<Left>> = BTreeMap::new();
+        let mut as_read = AsRead { comparison: self, left: BTreeMap::new() };
         let without_laws = tried.iter().position(|Tried { left, hypothesis }| {
-            let own_rows = as_read.entry(hypothesis.columns.rows_later());
-            let as_read = own_rows.or_insert_with(|| self.as_read(hypothesis, Laws::None)).as_ref();
-            as_read.is_some_and(|as_read| {
+            as_read.left(hypothesis, Laws::None).is_some_and(|as_read| {
                 let is_near = left.share < AGREES || left.share < FOLLOWS && OTHER_UNIT * left.norm < as_read.norm;
                 is_near && left.norm < MUCH_LESS_AS_IT_IS * as_read.norm && !is_chance(as_read, left)
             })
@@ -214,10 +212,10 @@ impl Comparison<'_> {
         let compared = tried.into_iter().enumerate().filter(is_compared);
         let hypotheses = compared.map(|(_, tried)| tried.hypothesis).collect();
         let far_better = |Tried { left, hypothesis }: &Tried| {
-            let is_near = left.share < AGREES;
-            let as_read =
-                is_near.then(|| self.as_read(hypothesis, Laws::compared_with(&hypothesis.misreading))).flatten();
-            as_read.is_some_and(|as_read| left.log < as_read.log - MUCH_LESS.ln() && !is_chance(&as_read, left))
+            left.share < AGREES
+                && as_read
+                    .left(hypothesis, Laws::compared_with(&hypothesis.misreading))
+                    .is_some_and(|as_read| left.log < as_read.log - MUCH_LESS.ln() && !is_chance(as_read, left))
         };
         let best = self.tried(hypotheses, Laws::compared_with).into_iter().find(far_better)?;
         let laws = Laws::compared_with(&best.hypothesis.misreading);
@@ -247,11 +245,6 @@ impl Comparison<'_> {
         tried
     }
 
-    /// What the table leaves as it is read, in the rows that a hypothesis was judged by.
-    fn as_read(&self, hypothesis: &Hypothesis, laws: Laws) -> Option<Left> {
-        self.left(&ColumnReading::default(), hypothesis.columns.rows_later(), None, laws)
-    }
-
     /// What a reading leaves with these laws, in rows from which the one `rows_later` is in the same stretch; `None` where
     /// it gives no experiment.
     fn left(&self, reading: &ColumnReading, rows_later: isize, model: Option<&Model>, laws: Laws) -> Option<Left> {
@@ -275,6 +268,21 @@ impl Comparison<'_> {
             .filter(|axis| axis.measured > 0.0)
             .collect();
         Left::of(&axes, &residuals, n_axes, &blocks)
+    }
+}
+
+/// What a table leaves as it is read: many hypotheses are judged by the same rows and laws.
+struct AsRead<'a> {
+    comparison: &'a Comparison<'a>,
+    left: BTreeMap<(isize, Laws), Option<Left>>,
+}
+
+impl AsRead<'_> {
+    /// In the rows that a hypothesis was judged by.
+    fn left(&mut self, hypothesis: &Hypothesis, laws: Laws) -> Option<&Left> {
+        let rows_later = hypothesis.columns.rows_later();
+        let compute = || self.comparison.left(&ColumnReading::default(), rows_later, None, laws);
+        self.left.entry((rows_later, laws)).or_insert_with(compute).as_ref()
     }
 }
 

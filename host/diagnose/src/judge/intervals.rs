@@ -44,7 +44,7 @@ fn deviations(selected: &SelectedSignals, indices: &[usize]) -> Vec<f64> {
 }
 
 /// Variances of values because the numbers in the shapes of laws come from a grid. The law with the next shape in place of a
-/// share w of its own would move the others by w·A⁻¹·(change of its column); w lies anywhere up to the middle of the gap.
+/// share w of the own one would move the others by w·A⁻¹·(change of its column); w lies anywhere up to the middle of the gap.
 fn by_shape(selected: &SelectedSignals, indices: &[usize], inverse: &DMatrix<f64>) -> Vec<f64> {
     let SelectedSignals { problem, best, .. } = selected;
     let mut variances = vec![0.0; indices.len()];

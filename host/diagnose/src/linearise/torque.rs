@@ -28,7 +28,7 @@ use darm_robot::robot::{Robot, RobotJoint};
 
 /// A torque constant is not off by more than half of it.
 const MIN_GAIN: f64 = -0.5;
-/// Ripples of a torque that are tried; where readings of a log are compared none is, since their periods take most of the time.
+/// Ripples of a torque that are tried.
 const RIPPLES: usize = 2;
 
 /// How the motors drive the joints.
@@ -49,8 +49,9 @@ struct Motion {
     tau: Vec<Vec<f64>>,
     /// The number of what the tool carries in each row, 0 nothing.
     payload: Vec<u32>,
-    /// How many ripples are tried at each joint where no gear ratio gives their periods.
-    ripples: usize,
+    /// Whether it is a part of a log, whose readings are compared: no ripples then, whose periods take most of the time, and
+    /// offsets as far as they are linear.
+    is_sample: bool,
 }
 
 /// The experiment of a robot on a fixed base.
@@ -65,8 +66,7 @@ pub(crate) fn experiment(
         Some(transmission) if data.raw("qm1").is_some() => of_motors(data, transmission, n)?,
         _ => of_joints(data, robot)?,
     };
-    let ripples = if data.is_sample() { 0 } else { RIPPLES };
-    let motion = Motion { payload: payload::carried(data)?, ripples, ..motion };
+    let motion = Motion { payload: payload::carried(data)?, is_sample: data.is_sample(), ..motion };
     of_motion(data.rows.clone(), robot, transmission, known, &motion)
 }
 
@@ -93,7 +93,7 @@ pub fn added(
         |(k, &time_s): (usize, &f64)| Row { line: k + 1, time_s, series: 0, motion: 0, key: None, held_out: false };
     let rows: Vec<Row> = times_s.iter().enumerate().map(row).collect();
     let (tau, payload) = (vec![vec![0.0; rows.len()]; n], vec![0; rows.len()]);
-    let motion = Motion { q, v, a, tau, payload, ripples: RIPPLES };
+    let motion = Motion { q, v, a, tau, payload, is_sample: false };
     let mut experiment = of_motion(rows, robot, transmission, known, &motion)?;
     let nominal = experiment.residuals.clone();
     model_effects::apply(&mut experiment, known)?;
@@ -111,6 +111,7 @@ fn of_motion(
 ) -> Result<Experiment, PrepareError> {
     let n = robot.joints.len();
     let clock = Clock::new(&rows);
+    let ripples = if motion.is_sample { 0 } else { RIPPLES };
     let (nominal, regressor) = regressor(robot, motion, rows.len());
     let measured: Vec<f64> = (0..rows.len() * n).map(|k| motion.tau[k % n][k / n]).collect();
     let residuals: Vec<f64> = nominal.iter().zip(&measured).map(|(nominal, measured)| nominal - measured).collect();
@@ -127,7 +128,7 @@ fn of_motion(
             Some(transmission) => vec![transmission.matrix[(joint, joint)].abs()],
             None => {
                 let own: Vec<f64> = residuals.iter().skip(joint).step_by(n).copied().collect();
-                periods_a_turn(&coordinate, &own, |row| !rows[row].held_out, motion.ripples)
+                periods_a_turn(&coordinate, &own, |row| !rows[row].held_out, ripples)
             }
         };
         candidates.extend(coordinate.candidates(of_joint_laws(&coordinate, &periods), site, &shares, known));
@@ -151,7 +152,10 @@ fn of_motion(
         channels: channels.concat(),
         bodies,
         findings: Vec::new(),
-        curvature: Curvature::Beyond(Box::new(move |values| misplaced.beyond(values))),
+        curvature: match motion.is_sample {
+            true => Curvature::None,
+            false => Curvature::Beyond(Box::new(move |values| misplaced.beyond(values))),
+        },
     })
 }
 

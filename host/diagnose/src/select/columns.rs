@@ -3,7 +3,7 @@
 //! Most values move few axes (a joint's friction moves its own torque alone), so that an axis holds only the columns that
 //! are not zero on it. Sums of products and predictions are products of these matrices.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use crate::prepare::groups::Groups;
 
@@ -36,6 +36,23 @@ impl Columns {
         };
         let blocks = rows.iter().map(|rows| (0..n_axes).map(|axis| block(rows, axis)).collect()).collect();
         Self { n_values: columns.len(), rows, values, blocks }
+    }
+
+    /// How many values there are.
+    pub(super) fn n_values(&self) -> usize {
+        self.n_values
+    }
+
+    /// Σ x·number over the rows of a fold, for numbers of each row that a fit sees and axis.
+    pub(super) fn products(&self, fold: usize, numbers: &[f64]) -> DVector<f64> {
+        let n_axes = self.values.len();
+        let mut products = DVector::zeros(self.n_values);
+        for (axis, (values, columns)) in self.values.iter().zip(&self.blocks[fold]).enumerate() {
+            let own =
+                DVector::from_iterator(columns.nrows(), self.rows[fold].iter().map(|row| numbers[row * n_axes + axis]));
+            values.iter().zip(columns.tr_mul(&own).iter()).for_each(|(&value, product)| products[value] += product);
+        }
+        products
     }
 
     /// How many folds there are.

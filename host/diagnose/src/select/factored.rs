@@ -12,8 +12,9 @@ use rayon::prelude::{
     IndexedParallelIterator as _, IntoParallelIterator as _, IntoParallelRefIterator as _, ParallelIterator as _,
 };
 
+use super::normal_equations::System;
 use super::problem::{Trial, Under};
-use super::signals::{Fit, Signals, System};
+use super::signals::{Fit, Signals};
 
 /// A model, factorised under a weighting.
 pub(crate) struct Factored<'a> {
@@ -54,7 +55,7 @@ struct Extension<'a> {
 impl Part {
     fn new(system: &System, indices: &[usize]) -> Self {
         let n = indices.len();
-        let matrix = DMatrix::from_fn(n, n, |a, b| system.matrix[(indices[a], indices[b])]);
+        let matrix = DMatrix::from_fn(n, n, |a, b| system.entry(indices[a], indices[b]));
         let gradient = DVector::from_fn(n, |a, _| system.gradient[indices[a]]);
         // A value that is not a number does not count.
         let (root, gradient) = match Cholesky::new(matrix) {
@@ -140,7 +141,7 @@ impl<'a> Factored<'a> {
 
     fn extension<'b>(&'b self, number: usize, open: &'b [usize]) -> Extension<'b> {
         let (system, part) = (&self.weighted.weighting.systems[number], &self.parts[number]);
-        let cross = DMatrix::from_fn(self.indices.len(), open.len(), |a, b| system.matrix[(self.indices[a], open[b])]);
+        let cross = DMatrix::from_fn(self.indices.len(), open.len(), |a, b| system.entry(self.indices[a], open[b]));
         let answer = part.root.solve(&cross);
         let half = part.root.l_dirty().solve_lower_triangular(&cross).unwrap_or(cross);
         Extension { base: self, system, part, open, half, answer }
@@ -152,7 +153,7 @@ impl Extension<'_> {
     fn solved(&self, places: &[usize]) -> DVector<f64> {
         let half = self.half.select_columns(places);
         let of = |k: usize| self.open[places[k]];
-        let own = DMatrix::from_fn(places.len(), places.len(), |a, b| self.system.matrix[(of(a), of(b))]);
+        let own = DMatrix::from_fn(places.len(), places.len(), |a, b| self.system.entry(of(a), of(b)));
         let gradient = DVector::from_fn(places.len(), |a, _| self.system.gradient[of(a)]);
         let left = gradient - half.tr_mul(&self.part.half);
         match Cholesky::new(own - half.tr_mul(&half)) {

@@ -105,6 +105,7 @@ impl RegressionProblem for Signals {
                     sigma,
                     has_converged: true,
                     linearised,
+                    weights: Arc::clone(&last.weights),
                     systems: Arc::clone(&last.systems),
                     sums: Arc::clone(&last.sums),
                 });
@@ -124,11 +125,10 @@ impl RegressionProblem for Signals {
 
     /// Where the residuals are linear, a linear fit is a full one.
     fn refitted(&self, trial: &Trial<Self>) -> Result<Trial<Self>, Infallible> {
-        let (mut refitted, sigma) = (trial.clone(), &trial.weighting.sigma);
+        let mut refitted = trial.clone();
         for _ in 0..MAX_REFITS {
             let Some(linearised) = self.moved_on(&refitted) else { break };
-            let residuals = in_noise(linearised.residuals(&refitted.fit.values), sigma);
-            let weighting = Arc::new(self.weigh(&residuals, sigma.clone(), linearised));
+            let weighting = Arc::new(trial.weighting.at(linearised));
             let under = Under { problem: self, weighting: &weighting };
             refitted = Factored::new(under, refitted.fit.active).trial(refitted.effect);
         }

@@ -13,9 +13,10 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::{IntoParallelIterator as _, IntoParallelRefIterator as _, ParallelIterator as _};
+use rayon::prelude::{IntoParallelIterator as _, ParallelIterator as _};
 
 use super::columns::Columns;
+use super::normal_equations::{System, solve};
 use super::problem::{Trial, Under};
 use super::robust_fit::{losses, weights};
 use crate::effect::Law;
@@ -24,8 +25,6 @@ use crate::prepare::groups::Groups;
 use crate::prepare::repeatability::MEDIAN_OF_NORMAL;
 use crate::progress::Progress;
 
-/// Share of the information that is added to each value's own, so that what is not determined stays small.
-const RIDGE: f64 = 1e-9;
 /// Residuals that are off by so little, in squares of the noise, decide nothing.
 const NEGLIGIBLE_LOSS: f64 = 1e-2;
 /// One row in as many, the farthest off, does not count in the noise. Of a model that holds every law from the start the
@@ -54,7 +53,7 @@ pub struct Signals {
     pub(super) progress: Progress,
     offsets: Vec<usize>,
     /// 1/σ² of the prior of each value.
-    priors: Vec<f64>,
+    priors: Arc<[f64]>,
     /// At the model as it is.
     linearised: Arc<Linearised>,
 }
@@ -77,24 +76,38 @@ pub struct Weighting {
     /// Whether noise and weights are those of the residuals that they give.
     pub has_converged: bool,
     pub(super) linearised: Arc<Linearised>,
+    /// Weight of each residual of rows × axes, over σ².
+    pub(super) weights: Arc<Vec<f64>>,
     /// All normal equations: without each fold, then of all rows.
     pub(super) systems: Arc<Vec<System>>,
     /// Sums of weighted products of columns over all training rows, the residual last.
     pub(super) sums: Arc<DMatrix<f64>>,
 }
 
-/// The normal equations A·x = −g of all values, each scaled by its own information and made safe by a share of [`RIDGE`].
-#[derive(Debug)]
-pub(super) struct System {
-    /// A, its diagonal about 1.
-    pub(super) matrix: DMatrix<f64>,
-    /// g.
-    pub(super) gradient: DVector<f64>,
-    /// What x is multiplied by to be in the values' units.
-    pub(super) scale: DVector<f64>,
-}
-
 impl Weighting {
+    /// The same rows and weights where the residuals are other ones at zero. The sums of all rows stay behind.
+    pub(super) fn at(&self, linearised: Arc<Linearised>) -> Self {
+        let zeros = linearised.zero.iter().zip(&self.linearised.zero);
+        let more: Vec<f64> = zeros.zip(&*self.weights).map(|((new, old), weight)| weight * (new - old)).collect();
+        let columns = &linearised.columns;
+        let folds: Vec<DVector<f64>> =
+            (0..columns.n_folds()).into_par_iter().map(|fold| columns.products(fold, &more)).collect();
+        let all = folds.iter().fold(DVector::zeros(columns.n_values()), |sum, fold| sum + fold);
+        let left_out = folds.iter().map(Some).chain([None]);
+        let moved = |(system, left_out): (&System, Option<&DVector<f64>>)| {
+            system.with(&left_out.map_or_else(|| all.clone(), |left_out| &all - left_out))
+        };
+        Self {
+            sigma: self.sigma.clone(),
+            autocorrelation_time: self.autocorrelation_time,
+            has_converged: self.has_converged,
+            linearised,
+            weights: Arc::clone(&self.weights),
+            systems: Arc::new(self.systems.iter().zip(left_out).map(moved).collect()),
+            sums: Arc::clone(&self.sums),
+        }
+    }
+
     /// The loss of each residual of rows × axes.
     pub(super) fn losses(&self, residuals: &[f64]) -> Vec<f64> {
         losses(&in_noise(residuals.to_vec(), &self.sigma), 1)
@@ -111,15 +124,6 @@ impl Linearised {
     /// The residuals at these values.
     pub(super) fn residuals(&self, values: &[f64]) -> Vec<f64> {
         self.zero.iter().zip(&self.columns.moved_all(values)).map(|(zero, moved)| zero + moved).collect()
-    }
-}
-
-impl System {
-    /// All values in their units, from those with these numbers.
-    pub(super) fn unscaled(&self, indices: &[usize], values: &DVector<f64>) -> Vec<f64> {
-        let mut all = vec![0.0; self.scale.len()];
-        indices.iter().zip(values.iter()).for_each(|(&k, value)| all[k] = value * self.scale[k]);
-        all
     }
 }
 
@@ -159,6 +163,7 @@ impl Signals {
             autocorrelation_time: 1.0,
             has_converged: false,
             linearised: Arc::clone(&self.linearised),
+            weights: Arc::default(),
             systems: Arc::default(),
             sums: Arc::new(DMatrix::zeros(0, 0)),
         });
@@ -247,34 +252,23 @@ impl Signals {
         let n_axes = sigma.len();
         let autocorrelation_time = self.groups.autocorrelation_time(residuals, n_axes);
         let of = |(k, weight): (usize, &f64)| weight / (sigma[k % n_axes] * sigma[k % n_axes]);
-        let weights: Vec<f64> = weights(residuals, 1).iter().enumerate().map(of).collect();
+        let weights = Arc::new(weights(residuals, 1).iter().enumerate().map(of).collect::<Vec<f64>>());
         let sums = |fold: usize| linearised.columns.sums(fold, &weights, &linearised.zero);
         let folds: Vec<DMatrix<f64>> = (0..linearised.columns.n_folds()).into_par_iter().map(sums).collect();
         let n = self.n_values + 1;
-        let all = folds.iter().fold(DMatrix::zeros(n, n), |sum, fold| sum + fold);
-        let mut systems: Vec<System> =
-            folds.par_iter().map(|fold| self.system(&all - fold, autocorrelation_time)).collect();
-        systems.push(self.system(all.clone(), autocorrelation_time));
+        let all = Arc::new(folds.iter().fold(DMatrix::zeros(n, n), |sum, fold| sum + fold));
+        let left_out = folds.into_iter().map(|fold| Some(Arc::new(fold))).chain([None]);
+        let system = |left_out| System::new(&all, left_out, autocorrelation_time, &self.priors);
+        let systems = left_out.map(system).collect();
         Weighting {
             sigma,
             autocorrelation_time,
             has_converged: false,
             linearised,
+            weights,
             systems: Arc::new(systems),
-            sums: Arc::new(all),
+            sums: all,
         }
-    }
-
-    fn system(&self, mut sums: DMatrix<f64>, autocorrelation_time: f64) -> System {
-        let n = self.n_values;
-        sums /= autocorrelation_time;
-        self.priors.iter().enumerate().for_each(|(k, prior)| sums[(k, k)] += prior);
-        let scale = DVector::from_fn(n, |k, _| if sums[(k, k)] > 0.0 { 1.0 / sums[(k, k)].sqrt() } else { 0.0 });
-        let ridge = |k: usize| if scale[k] > 0.0 { RIDGE } else { 1.0 };
-        let matrix =
-            DMatrix::from_fn(n, n, |a, b| sums[(a, b)] * scale[a] * scale[b] + if a == b { ridge(a) } else { 0.0 });
-        let gradient = DVector::from_fn(n, |k, _| sums[(k, n)] * scale[k]);
-        System { matrix, gradient, scale }
     }
 }
 
@@ -361,21 +355,6 @@ fn moves(candidates: &[Candidate]) -> Vec<Vec<usize>> {
     }
     let single = (0..candidates.len()).map(|k| vec![k]);
     single.chain(shapes.into_values().filter(|all| all.len() > 1)).collect()
-}
-
-/// x with A·x = b for an information matrix A, scaled to its diagonal and made safe by a share of [`RIDGE`] of it.
-pub(crate) fn solve(mut information: DMatrix<f64>, gradient: &DVector<f64>) -> DVector<f64> {
-    let scale = information.diagonal().map(|d| if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 });
-    for (column, by) in scale.iter().enumerate() {
-        for (row, other) in scale.iter().enumerate() {
-            information[(row, column)] *= by * other;
-        }
-        information[(column, column)] += if *by > 0.0 { RIDGE } else { 1.0 };
-    }
-    match information.cholesky() {
-        Some(root) => root.solve(&gradient.component_mul(&scale)).component_mul(&scale),
-        None => DVector::zeros(gradient.len()),
-    }
 }
 
 #[cfg(test)]

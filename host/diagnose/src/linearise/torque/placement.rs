@@ -98,7 +98,7 @@ impl Misplaced {
         let values: Vec<Value> = self.moves.iter().filter_map(of_base).collect();
         let of_joints = self.moves.iter().filter_map(of_joint);
         let site = Site::new(Place::Base, "the base");
-        let tilt = (!values.is_empty()).then(|| Candidate { law: Law::BaseTilt, site, shape: None, values });
+        let tilt = (!values.is_empty()).then_some(Candidate { law: Law::BaseTilt, site, shape: None, values });
         of_joints.chain(tilt).collect()
     }
 
