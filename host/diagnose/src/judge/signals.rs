@@ -10,10 +10,8 @@ use crate::judge::{Judgement, intervals, next_rows, scatter};
 use crate::linearise::experiment::{Candidate, Experiment};
 use crate::outcome::{Alternative, Repeatability, RepeatedIn, Structure, Verdict};
 use crate::select::forward::rivals;
-use crate::select::simplify::surrogates;
+use crate::select::simplify::{MAX_COMPARED, surrogates};
 
-/// Effects up to which each is compared with all others that could be in its place.
-const MAX_COMPARED: usize = 3;
 /// Share of the squares that may be left by effects which are named beside what remains.
 const MAX_PARTLY_LEFT: f64 = 0.5;
 

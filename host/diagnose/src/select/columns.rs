@@ -93,10 +93,11 @@ impl Columns {
         let n_axes = self.values.len();
         let mut moved = vec![0.0; self.rows[fold].len() * n_axes];
         for (axis, (values, columns)) in self.values.iter().zip(&self.blocks[fold]).enumerate() {
+            let mut own = DVector::zeros(columns.nrows());
             for (k, &value) in values.iter().enumerate().filter(|(_, value)| sizes[**value] != 0.0) {
-                let of_axis = moved.iter_mut().skip(axis).step_by(n_axes);
-                of_axis.zip(columns.column(k).iter()).for_each(|(sum, slope)| *sum += slope * sizes[value]);
+                own.axpy(sizes[value], &columns.column(k), 1.0);
             }
+            moved.iter_mut().skip(axis).step_by(n_axes).zip(own.iter()).for_each(|(sum, own)| *sum = *own);
         }
         moved
     }

@@ -42,8 +42,12 @@ pub fn threshold(n_axes: usize) -> f64 {
 /// ρ of each row.
 pub fn losses(residuals: &[f64], n_axes: usize) -> Vec<f64> {
     let c = threshold(n_axes);
-    let rho = |s: f64| if s <= c { 0.5 * s * s } else { c * s - 0.5 * c * c };
-    residuals.chunks(n_axes).map(|row| rho(size(row))).collect()
+    residuals.chunks(n_axes).map(|row| rho(size(row), c)).collect()
+}
+
+/// ρ of a residual of size s with the threshold c.
+pub fn rho(s: f64, c: f64) -> f64 {
+    if s <= c { 0.5 * s * s } else { c * s - 0.5 * c * c }
 }
 
 /// The weight of each row.

@@ -137,13 +137,13 @@ impl RegressionProblem for Signals {
     }
 
     fn loss(&self, weighting: &Weighting, predicted: &[f64]) -> Loss {
-        Loss::new(weighting.losses(predicted).iter().sum())
+        Loss::new(weighting.losses(predicted).sum())
     }
 
     fn loss_reduction(&self, weighting: &Weighting, before: &[f64], after: &[f64]) -> LossReduction {
         let n_axes = self.experiment.axes.len();
         let mut cells = vec![[0.0; 2]; self.groups.n_blocks * n_axes];
-        let pairs = weighting.losses(before).into_iter().zip(weighting.losses(after));
+        let pairs = weighting.losses(before).zip(weighting.losses(after));
         let is_own = |(k, _): &(usize, _)| self.experiment.axes[k % n_axes].proves();
         for (k, (before, after)) in pairs.enumerate().filter(is_own) {
             let cell = &mut cells[self.groups.blocks[k / n_axes] * n_axes + k % n_axes];

@@ -18,7 +18,7 @@ use rayon::prelude::{IntoParallelIterator as _, ParallelIterator as _};
 use super::columns::Columns;
 use super::normal_equations::{System, solve};
 use super::problem::{Trial, Under};
-use super::robust_fit::{losses, weights};
+use super::robust_fit::{rho, threshold, weights};
 use crate::effect::Law;
 use crate::linearise::experiment::{Candidate, Curvature, Experiment};
 use crate::prepare::groups::Groups;
@@ -109,8 +109,9 @@ impl Weighting {
     }
 
     /// The loss of each residual of rows × axes.
-    pub(super) fn losses(&self, residuals: &[f64]) -> Vec<f64> {
-        losses(&in_noise(residuals.to_vec(), &self.sigma), 1)
+    pub(super) fn losses<'a>(&'a self, residuals: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+        let c = threshold(1);
+        residuals.iter().zip(self.sigma.iter().cycle()).map(move |(residual, sigma)| rho((residual / sigma).abs(), c))
     }
 }
 

@@ -4,7 +4,7 @@
 //! sum and of their difference. A selection that adds one effect at a time may come to such a set. Here each effect whose
 //! column the model spans already is put in, and what then is not missed goes; the smaller model is taken when the larger
 //! one does not predict unseen rows better by more than chance. Laws whose values have priors take no part: their priors
-//! keep small what is not needed.
+//! keep small what is not needed. Of few effects the same is tried with all that would do as well in the place of one.
 //!
 //! The shape of a law is not exact: friction grows a little less than with the speed, and a second law at the same place
 //! takes what the first leaves. Such an effect, a surrogate, stays in the model and is not named.
@@ -12,6 +12,7 @@
 use nalgebra::{Cholesky, DVector, Dyn};
 
 use super::factored::Factored;
+use super::forward::rivals;
 use super::problem::{RegressionProblem as _, Trial, Under};
 use super::robust_fit::pseudo_inverse;
 use super::signals::{Fit, Signals};
@@ -21,6 +22,8 @@ use super::significance::RIVAL_LEVEL;
 const SPANNED: f64 = 1e-2;
 /// Share of what laws that go together at a place take up, below which one of them is a surrogate of the others.
 const SURROGATE: f64 = 5e-3;
+/// Effects up to which each is compared with all others that could be in its place.
+pub(crate) const MAX_COMPARED: usize = 3;
 /// Correlation of their columns from which on two laws go together.
 const TOGETHER: f64 = 0.5;
 
@@ -40,7 +43,9 @@ pub(super) fn smaller_if_as_good<'t>(
 /// The model with sets of effects replaced by one that does as well; the first `n_known` stay.
 pub(super) fn simplified(problem: &Signals, mut best: Trial<Signals>, n_known: usize) -> Trial<Signals> {
     let smaller = |best: &Trial<Signals>| {
-        spanned_by_active(problem, best).into_iter().find_map(|other| replaced(problem, best, n_known, other))
+        let spanned = spanned_by_active(problem, best).into_iter();
+        let mut others = spanned.chain(in_place_of_one(problem, best, n_known));
+        others.find_map(|other| replaced(problem, best, n_known, other))
     };
     while let Some(next) = smaller(&best) {
         best = next;
@@ -59,6 +64,20 @@ fn spanned_by_active(problem: &Signals, best: &Trial<Signals>) -> Vec<usize> {
         !candidates[k].has_prior() && !active.iter().any(|&other| candidates[other].is_same(&candidates[k]))
     };
     (0..candidates.len()).filter(is_open).filter(is_spanned).collect()
+}
+
+/// The candidates that would do as well in the place of one effect, where a model has several, but few.
+fn in_place_of_one(problem: &Signals, best: &Trial<Signals>, n_known: usize) -> impl Iterator<Item = usize> {
+    let n = best.fit.active.len();
+    let orders = if (2..=MAX_COMPARED).contains(&(n - n_known)) { n_known..n } else { n..n };
+    let rivals_of = move |order: usize| {
+        let Ok(rivals) = rivals(problem, best, order, None);
+        rivals.into_iter().filter_map(|(rival, _)| match problem.moves[rival.effect?][..] {
+            [one] => Some(one),
+            _ => None,
+        })
+    };
+    orders.flat_map(rivals_of).filter(|other| !best.fit.active.contains(other))
 }
 
 /// Whether the values `inside`, with the root of their information, explain those of a candidate.
@@ -87,6 +106,7 @@ fn replaced(problem: &Signals, best: &Trial<Signals>, n_known: usize, other: usi
         model = Factored::new(weighted, without.fit.active);
         now = model.trial(best.effect);
     }
+    let Ok(now) = problem.refitted(&now);
     let is_smaller = problem.n_values(&now.fit) < problem.n_values(&best.fit);
     (is_smaller && weighted.reduction(&now, best).p > RIVAL_LEVEL).then_some(now)
 }
