@@ -22,8 +22,9 @@ use crate::measurement::{Finding, FindingKind};
 use crate::prepare::signals::{PrepareError, Prepared};
 use darm_robot::robot::{Robot, RobotFrame};
 
-/// How far each kind of value may be off before anything is measured.
-const PRIORS: [f64; 4] = [0.02, 0.005, 1e-4, 0.005];
+/// How far each kind of value may be off before anything is measured; the last one is that of twice the angle, which is an order
+/// of the disc's error smaller.
+const PRIORS: [f64; 5] = [0.02, 0.005, 1e-4, 0.005, 1e-3];
 /// The same of the tool's place, m, and of its turn, rad.
 const TOOL_PRIORS: [f64; 2] = [0.02, 0.05];
 /// The names of the values of `joint-offset`, of `axis-error`, of `link-error`, and of `tool-frame`.
@@ -141,7 +142,7 @@ impl SerialChain {
 
     /// The candidate effects, given a column for each value.
     pub(super) fn candidates(&self, mut columns: impl Iterator<Item = Vec<f64>>) -> Vec<Candidate> {
-        let [turn, shift, compliance, periodic] = PRIORS;
+        let [turn, shift, compliance, periodic, of_twice] = PRIORS;
         let mut candidates = Vec::new();
         let mut add = |law, site: &Site, values: &[(&str, &str, f64)]| {
             let values = values.iter().map(|of| value(*of, columns.next().expect("a column for each value")));
@@ -155,7 +156,8 @@ impl SerialChain {
             add(Law::JointCompliance, &site, &[("compliance", "rad/(N·m)", compliance)]);
             let across = [("first, across", "rad/(N·m)", compliance), ("second, across", "rad/(N·m)", compliance)];
             add(Law::LinkCompliance, &site, &across);
-            add(Law::EncoderPeriodic, &site, &PERIODIC.map(|name| (name, "rad", periodic)));
+            let priors = [periodic, periodic, of_twice, of_twice];
+            add(Law::EncoderPeriodic, &site, &std::array::from_fn::<_, 4, _>(|k| (PERIODIC[k], "rad", priors[k])));
         }
         let [shift, turn] = TOOL_PRIORS;
         let dimension = |(k, name)| if k < 3 { (name, "m", shift) } else { (name, "rad", turn) };
