@@ -55,6 +55,7 @@ pub mod frames;
 mod quantities;
 pub(crate) mod raw;
 pub mod rounding;
+mod travel;
 mod wiring;
 mod write;
 
@@ -73,6 +74,7 @@ use darm_robot::source::{Fault, FileError, Source, path_between};
 pub(crate) use fault::reason_of;
 
 pub use fault::{ArmFault, FrameFault};
+pub use travel::with_travel_ms;
 pub use wiring::{Part, WiringFault, WiringReason, wiring};
 
 /// The version of the file format.

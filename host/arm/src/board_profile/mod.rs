@@ -49,6 +49,7 @@
 //! `reset` and `pulse_ms` of `latch`.
 
 mod build;
+mod edit;
 mod fault;
 mod first;
 mod raw;
@@ -64,6 +65,7 @@ use darm_core::wire::message::ImageKind;
 use darm_robot::source::{FileError, Source};
 
 use self::build::build;
+pub use self::edit::with_wires;
 pub use self::fault::ProfileFault;
 use self::raw::RawProfile;
 use self::write::write_profile;
