@@ -1,5 +1,6 @@
 //! Boards: how they are reached, stopped and asked, the emulator with a simulated arm on its pins, and the firmware in a process.
 
+pub mod bringup;
 pub mod client;
 pub mod clock;
 pub mod follow;

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use darm_core::units::Micros;
 use darm_core::wire::bootstrap;
 use darm_core::wire::frame::{self, FrameError, Header, MAX_FRAME};
 use darm_core::wire::message::{Answer, REPLY, REQUEST, Refusal, Reply, Request};
@@ -83,6 +84,8 @@ pub(super) struct Exchange {
     clock: BoardClock,
     retry_timer: RetryTimer,
     counts: Counts,
+    /// Board time of the last answer of the protocol.
+    answered_at: Micros,
     last_damage: Option<FrameError>,
     /// Frames that were read and not yet looked at.
     arrived: std::collections::VecDeque<(Header, Arrival)>,
@@ -100,6 +103,7 @@ impl Exchange {
             clock: BoardClock::default(),
             retry_timer: RetryTimer::default(),
             counts: Counts::default(),
+            answered_at: Micros(0),
             last_damage: None,
             arrived: std::collections::VecDeque::new(),
         }
@@ -115,6 +119,10 @@ impl Exchange {
 
     pub(super) fn counts(&self) -> Counts {
         self.counts
+    }
+
+    pub(super) fn answered_at(&self) -> Micros {
+        self.answered_at
     }
 
     /// How long the line takes to answer.
@@ -196,6 +204,7 @@ impl Exchange {
     pub(super) fn open(&mut self, name: &'static str, arrival: &Arrival, sent_s: f64) -> Result<Answer, ClientError> {
         let reply: Reply =
             postcard::from_bytes(&arrival.payload).map_err(|_| AnswerError::Payload { request: name })?;
+        self.answered_at = reply.at;
         let board_s = 1e-6 * reply.at.0 as f64;
         self.clock.observe(RoundTrip { sent_s, board_s, received_s: arrival.received_s });
         reply.result.map_err(ClientError::Refused)

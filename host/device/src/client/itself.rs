@@ -9,6 +9,11 @@ use darm_core::wire::message::{Answer, Refusal, Request};
 use super::{AnswerError, Client, ClientError};
 
 impl Client {
+    /// Board time at which the board answered last; 0 before its first answer.
+    pub fn answered_at(&self) -> Micros {
+        self.exchange.answered_at()
+    }
+
     /// What the board reports of itself; `None` from firmware that does not know the request.
     ///
     /// # Errors

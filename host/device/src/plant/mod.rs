@@ -25,6 +25,9 @@ use servo_bus::ServoBus;
 /// An actuator reaches its stop within this share of the longest travel that the board waits for.
 const TRAVEL_SHARE: f64 = 0.25;
 
+/// A loose contact is closed for this time, then open for as long.
+const LOOSE_CONTACT_S: f64 = 0.03;
+
 /// What is broken in the plant.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Broken {
@@ -36,10 +39,33 @@ pub struct Broken {
     pub switches_closed: u32,
     /// Limit switches that are always open.
     pub switches_open: u32,
+    /// Output lines whose drivers are inverted: the coil carries current while the line is low.
+    pub lines_inverted: u64,
+    /// Output lines that are joined: one that is high makes all of them high.
+    pub lines_joined: u64,
+    /// Inputs that are joined: one switch that is closed closes all of them.
+    pub switches_joined: u32,
+    /// Inputs with a loose contact: a closed switch opens again and again.
+    pub switches_loose: u32,
     /// Servos that give no answer: bit `i` is servo joint `i`.
     pub servos_silent: u8,
     /// Servos that cannot turn.
     pub servos_blocked: u8,
+}
+
+impl Broken {
+    /// Levels at the coils for these levels of the output lines.
+    fn lines(&self, lines: u64) -> u64 {
+        let joined = if lines & self.lines_joined == 0 { lines } else { lines | self.lines_joined };
+        (joined ^ self.lines_inverted) & !self.lines_low | self.lines_high
+    }
+
+    /// Levels of the inputs while these switches are closed.
+    fn switches(&self, now_s: f64, closed: u32) -> u32 {
+        let joined = if closed & self.switches_joined == 0 { closed } else { closed | self.switches_joined };
+        let loose = if ((now_s / LOOSE_CONTACT_S) as u64).is_multiple_of(2) { 0 } else { self.switches_loose };
+        (joined & !loose | self.switches_closed) & !self.switches_open
+    }
 }
 
 /// Where the arm's actuators are.
@@ -143,7 +169,7 @@ impl Plant {
     /// Limit switches: bit `i` is input `i`, set when closed.
     pub fn switches(&self) -> u32 {
         let closed = self.actuators.iter().fold(0, |bits, actuator| bits | actuator.switch_bit());
-        (closed | self.broken.switches_closed) & !self.broken.switches_open
+        self.broken.switches(self.now_s, closed)
     }
 
     /// Where everything is now.
@@ -173,7 +199,7 @@ impl Plant {
 
     /// Lets the lines act on the coils and the coils on the actuators.
     fn drive(&mut self) {
-        let lines = self.lines & !self.broken.lines_low | self.broken.lines_high;
+        let lines = self.broken.lines(self.lines);
         let (now_s, resting) = (self.now_s, !self.actuators.iter().any(Actuator::is_moving));
         let before = self.word();
         let mut coils = self.coils.iter_mut();
