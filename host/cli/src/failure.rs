@@ -10,7 +10,8 @@
 //! |      | whether the board has acted; for a stop: it could not be sent             |
 //! | 5    | the board did not confirm a stop within 1 s                               |
 //! | 6    | interrupted by Ctrl-C or SIGTERM; the board confirmed the stop            |
-//! | 7    | incomplete: another program stopped the arm before the end of its program |
+//! | 7    | incomplete: another program stopped the arm before the end of its program, |
+//! |      | or a bring-up was ended early                                             |
 
 use std::error::Error;
 use std::fmt;
@@ -64,6 +65,11 @@ pub(crate) struct NoAnswer;
 #[error("{0} of the checks failed; apply the fixes listed above")]
 pub(crate) struct FailedChecks(pub(crate) usize);
 
+/// A bring-up found something; how many.
+#[derive(Debug, thiserror::Error)]
+#[error("the bring-up found mistakes: {0}; apply what the findings above say, then run it again")]
+pub(crate) struct Findings(pub(crate) usize);
+
 /// A program or recording that is not complete although nothing failed.
 #[derive(Clone, Debug, thiserror::Error)]
 pub(crate) enum Unfinished {
@@ -79,6 +85,16 @@ pub(crate) enum Unfinished {
         all: usize,
         /// What is counted.
         what: &'static str,
+    },
+    /// A bring-up was ended early.
+    #[error(
+        "the bring-up was ended after {done} of {all} outputs; run it again, for single actuators with --actuator N"
+    )]
+    Bringup {
+        /// Outputs that were switched.
+        done: usize,
+        /// All of those that were wanted.
+        all: usize,
     },
     /// A recording was resumed after the end of its program.
     #[error(
@@ -132,7 +148,7 @@ pub(crate) fn code(error: &anyhow::Error) -> u8 {
 
 /// Whether the command has already printed what failed, as JSON.
 pub(crate) fn is_reported(error: &anyhow::Error) -> bool {
-    error.is::<SafeState>() || error.is::<FailedChecks>()
+    error.is::<SafeState>() || error.is::<FailedChecks>() || error.is::<Findings>()
 }
 
 fn code_of_cause(cause: &(dyn Error + 'static)) -> Option<u8> {

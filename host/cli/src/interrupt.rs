@@ -57,6 +57,11 @@ impl InterruptHandler {
         }
     }
 
+    /// Whether there was an interrupt. Does not wait for its stop.
+    pub(crate) fn is_requested(&self) -> bool {
+        self.state().requested
+    }
+
     /// Starts the board's program, unless there was an interrupt. An interrupt during the request sends a stop, after
     /// which the board refuses requests from before it.
     pub(crate) fn play(&self, client: &mut Client) -> anyhow::Result<()> {

@@ -2,6 +2,7 @@
 
 mod adjust;
 mod bench_ik;
+mod bringup;
 mod bundle;
 mod camera;
 mod com;
@@ -91,6 +92,7 @@ pub(crate) enum Command {
     Nearest(nearest::Nearest),
     Map(map::Map),
     Path(path::Path),
+    Bringup(bringup::Bringup),
     Table(table::Table),
     Upload(upload::Upload),
     Play(play::Play),
@@ -131,6 +133,7 @@ impl Command {
             Self::Nearest(command) => command.run(ui),
             Self::Map(command) => command.run(ui),
             Self::Path(command) => command.run(ui),
+            Self::Bringup(command) => command.run(ui),
             Self::Table(command) => command.run(ui),
             Self::Upload(command) => command.run(ui),
             Self::Play(command) => command.run(ui),

@@ -37,6 +37,7 @@ Examples:
   darm sim arm.toml --effect any --seed 7 # an undeclared effect in the arm: measure and diagnose it
   darm sim arm3.toml --before arm.toml --effect any --seed 7   # the same arm after its adjustment
   darm sim arm.toml --line-low 4          # output line 4 is stuck low: its limit switch reveals it
+  darm sim arm.toml --wired-as planar4.profile.toml   # a wiring to find by `darm bringup`
 
 Ctrl-C ends the simulator and reveals the effect.
 
@@ -66,6 +67,9 @@ pub(crate) struct Sim {
     /// Do not write a profile
     #[arg(long, conflicts_with = "profile")]
     no_profile: bool,
+    /// Profile that says how the arm is really wired, to try `darm bringup`; default: as the board's profile says
+    #[arg(long, value_name = "WIRED.toml")]
+    wired_as: Option<PathBuf>,
     /// Make the port a pseudo terminal, for any terminal program. The emulator polls for a new reader once a second: a
     /// `darm stop` directly after another command may end with exit code 5 although the arm is idle
     #[arg(long)]
@@ -159,14 +163,16 @@ impl Sim {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         let wired = WiredArm::read(&self.arm, self.profile.as_deref())?;
         let arm = &wired.arm;
-        let broken = self.broken(&wired)?;
+        let really = self.wired_as.as_deref().map(|wired_as| WiredArm::read(&self.arm, Some(wired_as))).transpose()?;
+        let really = really.as_ref().unwrap_or(&wired);
+        let broken = self.broken(really)?;
         let truth = self.truth(arm)?;
         let profile = self.profile_to_write(&wired);
         let folder = self.folder.clone().map_or_else(state_folder::board, Ok)?;
         let listener = claim(&folder)?;
         let (mut board, frames) = match self.emulator(ui)? {
-            Some(emulator) => Board::emulated(emulator, &folder, &wired.wiring, broken, profile)?,
-            None => Board::in_process(&folder, &wired.wiring, broken, profile)?,
+            Some(emulator) => Board::emulated(emulator, &folder, &really.wiring, broken, profile)?,
+            None => Board::in_process(&folder, &really.wiring, broken, profile)?,
         };
         let planar = arm.model.chain.is_planar();
         let camera_server = CameraServer::start(listener, truth.clone(), planar, frames)?;

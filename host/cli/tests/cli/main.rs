@@ -5,6 +5,7 @@ use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 
+mod bringup;
 mod bundle;
 mod console;
 mod differential;
@@ -29,9 +30,10 @@ mod serve_kills;
 mod stop;
 mod unfinished;
 
-const COMMANDS: [&str; 33] = [
+const COMMANDS: [&str; 34] = [
     "synth",
     "adjust",
+    "bringup",
     "table",
     "upload",
     "play",
