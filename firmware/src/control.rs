@@ -29,6 +29,7 @@ use darm_core::wire::message::OutputState;
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 
+use crate::inputs::InputLog;
 use crate::ring::Ring;
 use button::Button;
 use order::summary;
@@ -81,6 +82,8 @@ pub struct Shared<'t> {
     outcomes: Ring<Outcome<'t>, 1>,
     /// What happened, for the dispatcher.
     pub events: Ring<Numbered, WAITING_EVENTS>,
+    /// When the inputs changed.
+    pub(crate) inputs: InputLog,
     seen: Mutex<Raw, Cell<[ServoSeen; MAX_SERVOS]>>,
     joints: Mutex<Raw, Cell<Joints>>,
     /// Stops that were requested, and those that have been done.
@@ -100,6 +103,7 @@ impl<'t> Shared<'t> {
             orders: Ring::new(),
             outcomes: Ring::new(),
             events: Ring::new(),
+            inputs: InputLog::new(),
             seen: Mutex::new(Cell::new([UNSEEN; MAX_SERVOS])),
             joints: Mutex::new(Cell::new([None; MAX_SERVOS])),
             stops: AtomicU32::new(0),
@@ -220,6 +224,9 @@ impl<'t> Control<'t> {
     /// `due` is when the tick should have started.
     pub fn tick(&mut self, now: Micros, due: Micros, inputs: Inputs, shared: &Shared<'t>) -> Outputs {
         self.worst_lateness = self.worst_lateness.max(now - due);
+        if inputs.switches != self.seen.switches {
+            shared.inputs.push(now, inputs.switches);
+        }
         self.seen.switches = inputs.switches;
         self.seen.chain_broken = inputs.chain_broken;
         self.button.look(now, inputs.button);

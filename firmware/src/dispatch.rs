@@ -329,6 +329,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
             Request::Health => Ok(Answer::Health(self.health())),
             Request::PastEvents { skip } => Ok(Answer::PastEvents(self.log.before(skip))),
             Request::PastCrash { back } => Ok(Answer::PastCrash(self.past_crash(back))),
+            Request::Inputs { from } => Ok(Answer::Inputs(self.shared.inputs.from(from))),
         }
     }
 

@@ -8,6 +8,7 @@ pub mod control;
 pub mod crash;
 pub mod dispatch;
 pub mod hardware;
+mod inputs;
 pub mod kept;
 pub mod life;
 pub mod log;

@@ -9,3 +9,4 @@ pub mod link;
 pub mod pico;
 pub mod plant;
 pub mod qemu;
+pub mod strokes;

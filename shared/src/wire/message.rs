@@ -16,6 +16,7 @@
 //! | `Health`    | `Health`    | often | clock, resets, errors of lines, flash and chain                         |
 //! | `PastEvents` | `PastEvents` | often | what happened before this start                                       |
 //! | `PastCrash` | `PastCrash` | often | how earlier starts ended                                               |
+//! | `Inputs`    | `Inputs`    | often | when inputs changed, from a number on                                   |
 //!
 //! `Begin`, `Chunk` and `Commit` also bring a profile; that is committed only while a person holds the board's button,
 //! and the board starts again with it.
@@ -33,6 +34,7 @@ use crate::units::{DeviceId, Digest, Micros, ModelHash, Word};
 use crate::wire::bootstrap::CrashRecord;
 use crate::wire::caps::Caps;
 use crate::wire::health::Health;
+use crate::wire::inputs::InputChanges;
 
 /// Tag of requests.
 pub const REQUEST: u8 = 0x10;
@@ -95,6 +97,11 @@ pub enum Request<'a> {
     PastCrash {
         /// 0 is the last crash, 1 the one before.
         back: u8,
+    },
+    /// When did inputs change since?
+    Inputs {
+        /// Number of the first change wanted.
+        from: u32,
     },
 }
 
@@ -211,6 +218,8 @@ pub enum Answer {
     PastEvents(heapless::Vec<(Micros, Event), EVENTS>),
     /// To `PastCrash`.
     PastCrash(Option<CrashRecord>),
+    /// To `Inputs`.
+    Inputs(InputChanges),
 }
 
 /// How long an output has been on, and how long it may be.

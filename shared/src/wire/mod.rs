@@ -35,6 +35,7 @@ pub mod bootstrap;
 pub mod caps;
 pub mod frame;
 pub mod health;
+pub mod inputs;
 pub mod message;
 
 /// Version of the messages under tag 10. A host of another version can still use the bootstrap set.

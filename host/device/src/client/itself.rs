@@ -4,6 +4,7 @@ use darm_core::sequencer::Event;
 use darm_core::units::Micros;
 use darm_core::wire::bootstrap::CrashRecord;
 use darm_core::wire::health::Health;
+use darm_core::wire::inputs::InputChanges;
 use darm_core::wire::message::{Answer, Refusal, Request};
 
 use super::{AnswerError, Client, ClientError};
@@ -58,6 +59,19 @@ impl Client {
                 Some(Answer::PastCrash(None)) | None => return Ok(crashes),
                 Some(_) => return Err(AnswerError::Payload { request: "past crash" }.into()),
             }
+        }
+    }
+
+    /// Changes of the inputs from a number on, as many as fit an answer; `None` from firmware that does not know the request.
+    ///
+    /// # Errors
+    ///
+    /// As [`status`](Self::status).
+    pub fn input_changes(&mut self, from: u32) -> Result<Option<InputChanges>, ClientError> {
+        match self.ask_if_known("inputs", &Request::Inputs { from })? {
+            Some(Answer::Inputs(changes)) => Ok(Some(changes)),
+            Some(_) => Err(AnswerError::Payload { request: "inputs" }.into()),
+            None => Ok(None),
         }
     }
 

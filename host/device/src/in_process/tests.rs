@@ -9,6 +9,7 @@ use super::{Chip, InProcess, MemoryFlash};
 use crate::client::{Client, TimedEvent};
 use crate::link::faulty::{Faults, Faulty};
 use crate::plant::{Broken, Plant};
+use crate::strokes::{InputHistory, SentRow, stroke_times};
 use darm_arm::board_profile::BoardProfile;
 use darm_arm::image::UploadImage;
 
@@ -198,4 +199,25 @@ fn nothing_runs_while_a_flash_that_holds_the_code_is_erased() {
     let [apart_s, shared_s] = [Chip::Stm32l475, Chip::Rp2040].map(overwriting_s);
     let pause_s = 1e-6 * Chip::Rp2040.erase_pause().0 as f64;
     assert!(apart_s < pause_s && pause_s < shared_s, "{apart_s} s and {shared_s} s");
+}
+
+#[test]
+fn strokes_are_timed_by_the_board_to_a_tick() {
+    let (_board, mut client) = loaded();
+    client.command(Command::Play).unwrap();
+    client.listen(2.0).unwrap();
+    let rows = all_events(&mut client).into_iter().filter_map(|timed| match timed.event {
+        Event::Row { row, word } => Some(SentRow { row, at: timed.at, word }),
+        _ => None,
+    });
+    let mut inputs = InputHistory::default();
+    while inputs.take(&client.input_changes(inputs.next()).unwrap().unwrap()) {}
+    let strokes = stroke_times(&wiring().actuators, &rows.collect::<Vec<_>>(), &inputs);
+    assert!(strokes.len() >= 6, "{strokes:?}");
+    for stroke in strokes {
+        // A quarter of the 100 ms in the wiring to arrive, nothing to leave; a tick in between, and one of the simulated pins.
+        let true_ms = if stroke.to == 1 { 25 } else { 0 };
+        let late = Micros(stroke.time.0.saturating_sub(1000 * true_ms));
+        assert!(stroke.time.0 >= 1000 * true_ms && late <= Micros(2000), "{stroke:?}");
+    }
 }
