@@ -86,6 +86,7 @@ pub(crate) fn measure(station: &mut Station<'_>, arm: &Arm, truth: &Truth, stops
             supply: Some(seen.supply),
             temperature_c: Some(seen.temperature_c),
             load_kg: None,
+            strokes_s: Vec::new(),
             run: 0,
             visit: number as u32,
             held_out: stop.held_out,

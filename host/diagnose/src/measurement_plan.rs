@@ -223,6 +223,7 @@ pub fn as_run(arm: &Arm, steps: &[Step], supply: f64, temperature_k: f64) -> Run
             supply: Some(supply),
             temperature_c: Some(temperature_k - ZERO_CELSIUS),
             load_kg: step.load_kg,
+            strokes_s: Vec::new(),
             // No step follows the one before it: each has another word before it.
             run: visit as u32,
             visit: visit as u32,

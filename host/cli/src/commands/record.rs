@@ -11,7 +11,9 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use darm_arm::arm::Arm;
+use darm_core::output::ActuatorWiring;
 use darm_core::sequencer::Phase;
+use darm_core::table::Record as TableRecord;
 use darm_core::units::ShortDigest;
 use darm_device::client::Client;
 use darm_diagnose::measurement::{Finding, FindingKind, Run, check};
@@ -173,7 +175,8 @@ impl Record {
             Some(earlier) => self.resume_program(&visits, &mut client, &mut output, earlier)?,
         };
         let program = Program::new(client, monitor, interrupt.clone(), reconnect_timeout(&visits), ui);
-        let mut recording = Recording::new(tracker, program, camera, output, self.run);
+        let actuators = actuators(&table);
+        let mut recording = Recording::new(tracker, program, camera, output, self.run).with_strokes(&actuators);
         let bar = ui.progress_bar("recording", visits.rests.len() as u64, "visits");
         let end = recording.until_the_end(|visit| bar.set_position(visit as u64));
         bar.finish_and_clear();
@@ -288,6 +291,15 @@ fn start<'a>(
     let monitor = ProgramMonitor::new(hello.next_event);
     interrupt.play(client)?;
     Ok((VisitTracker::new(visits), monitor))
+}
+
+/// The actuators of a table, with their limit switches.
+fn actuators(table: &TableFile) -> Vec<ActuatorWiring> {
+    let of_record = |record: &TableRecord| match record {
+        TableRecord::Actuator(actuator) => Some(*actuator),
+        _ => None,
+    };
+    table.records.iter().filter_map(of_record).collect()
 }
 
 /// Whether the board is running its program.

@@ -1,5 +1,8 @@
 //! `darm status`: board, loaded table, state and last fault.
 
+use std::io::IsTerminal as _;
+use std::time::Duration;
+
 use darm_core::sequencer::{Event, Fault, Phase, ServoSeen};
 use darm_core::units::{Digest, Micros};
 use darm_core::wire::bootstrap::{CrashKind, CrashRecord};
@@ -16,7 +19,9 @@ const EXAMPLES: &str = "\
 Examples:
   darm status          # exit code 3 if the board is in its safe state
   darm --json status   # for programs
-  darm status --history   # also crashes and events of earlier starts";
+  darm status --history   # also crashes and events of earlier starts
+
+--watch holds the port: `darm stop` still gets through, other commands do not.";
 
 /// The board rounds times to milliseconds.
 const ROUNDING_MS: u64 = 1;
@@ -30,6 +35,17 @@ pub(crate) struct Status {
     /// Add crashes and events of earlier starts that the board has kept
     #[arg(long)]
     history: bool,
+    /// Print it again and again until Ctrl-C, by default each second; with --json a line each time
+    #[arg(long, value_name = "SECONDS", num_args = 0..=1, default_missing_value = "1", value_parser = interval)]
+    watch: Option<f64>,
+}
+
+/// Seconds between two requests.
+fn interval(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(seconds) if (0.1..=3600.0).contains(&seconds) => Ok(seconds),
+        _ => Err("give 0.1 to 3600 s".into()),
+    }
 }
 
 /// What the board has kept of earlier starts.
@@ -107,12 +123,27 @@ struct ServoReport {
 impl Status {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         let mut client = self.port.connect()?;
+        let Some(interval_s) = self.watch else { return self.show(&mut client, ui) };
+        loop {
+            if !ui.json && std::io::stdout().is_terminal() {
+                // The screen is cleared, the cursor goes to its begin.
+                print!("\x1b[2J\x1b[H");
+            }
+            match self.show(&mut client, ui) {
+                Err(error) if !error.is::<SafeState>() => return Err(error),
+                // A safe state is shown, and may be cleared meanwhile.
+                Ok(()) | Err(_) => std::thread::sleep(Duration::from_secs_f64(interval_s)),
+            }
+        }
+    }
+
+    fn show(&self, client: &mut Client, ui: Ui) -> anyhow::Result<()> {
         let status = client.status()?;
         let outputs = client.outputs()?;
         let health = client.health()?;
         let crash = client.last_crash()?.as_ref().map(crash_text);
-        let history = if self.history { Some(History::of(&mut client)?) } else { None };
-        ui.print(&Report { health, history, ..report(&client, &status, &outputs, crash) })?;
+        let history = if self.history { Some(History::of(client)?) } else { None };
+        ui.print(&Report { health, history, ..report(client, &status, &outputs, crash) })?;
         match status.phase {
             Phase::Safe(fault) => Err(SafeState(fault.to_string()).into()),
             _ => Ok(()),

@@ -1,7 +1,10 @@
 //! Bring-up of an arm on a simulated board that is wired with a mistake.
 
 use std::process::Stdio;
+use std::thread;
+use std::time::Duration;
 
+use super::stop::interrupt;
 use super::{Board, Home, example, text};
 
 /// The arm and its profile, and a profile in which two lines are exchanged: that is how the simulated arm is wired.
@@ -81,4 +84,18 @@ fn a_right_arm_gets_its_times_of_travel_and_no_finding() {
     let refused = home.darm(&format!("bringup {arm} --yes --profile first.toml {}", board.port));
     assert_eq!(refused.status.code(), Some(1));
     assert!(text(&refused.stderr).starts_with(other), "{}", text(&refused.stderr));
+}
+
+#[test]
+fn an_interrupt_stops_the_arm_between_two_outputs_or_within_one() {
+    let home = Home::new();
+    let arm = example("planar4.toml");
+    let board = Board::start(&home, &arm);
+    let mut command = home.command(&format!("bringup {arm} --yes {}", board.port));
+    let mut child = command.stdin(Stdio::null()).stdout(Stdio::null()).spawn().unwrap();
+    thread::sleep(Duration::from_secs(2));
+    interrupt(&child);
+    assert_eq!(child.wait().unwrap().code(), Some(6));
+    let status = home.json(&format!("status {}", board.port));
+    assert_eq!((&status["phase"], &status["word"]), (&"idle".into(), &"000000000000".into()));
 }

@@ -329,6 +329,7 @@ fn a_table_is_uploaded_played_and_measured() {
 
     let recorded = home.json(&format!("record visits.darm --arm {arm} -o run.csv {port}"));
     assert_eq!(recorded["rows"], 5);
+    recording::check_strokes(&std::fs::read_to_string(home.path("run.csv")).unwrap());
     // The only note allowed is about a busy computer.
     let findings = recorded["findings"].as_array().unwrap();
     assert!(findings.iter().all(|finding| finding.as_str().unwrap().contains("clock lost")), "{findings:?}");

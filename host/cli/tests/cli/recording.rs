@@ -41,6 +41,25 @@ fn first_row(home: &Home, file: &str) {
     panic!("no row within 10 s");
 }
 
+/// Every actuator that moves into state 1 closes its switch there, after a quarter of its 150 ms; one that leaves opens it at once.
+pub(super) fn check_strokes(csv: &str) {
+    let mut lines = csv.lines().filter(|line| !line.starts_with('#')).map(|line| line.split(',').collect::<Vec<_>>());
+    let header = lines.next().unwrap();
+    let column = |name: &str| header.iter().position(|column| *column == name).unwrap_or_else(|| panic!("{header:?}"));
+    let mut count = 0;
+    for row in lines.skip(1) {
+        let [to, from] = ["word", "previous"].map(|name| row[column(name)].as_bytes());
+        for actuator in (0..12).filter(|&actuator| to[actuator] != from[actuator]) {
+            let stroke_us: u64 = row[column(&format!("stroke{actuator}_us"))].parse().unwrap();
+            let true_us = if to[actuator] == b'1' { 37_500 } else { 0 };
+            // The board in this process and its arm take turns, a millisecond each; a busy computer skips some.
+            assert!((true_us..true_us + 20_000).contains(&stroke_us), "actuator {actuator}: {stroke_us} us in {row:?}");
+            count += 1;
+        }
+    }
+    assert!(count > 5, "{count} strokes in {csv}");
+}
+
 #[test]
 fn an_output_that_cannot_be_written_is_refused_before_anything_moves() {
     let home = Home::new();

@@ -79,6 +79,7 @@ fn carrying(arm: &Arm, effects: &[Effect<f64>], surroundings: Surroundings, load
             supply: Some(supply),
             temperature_c: Some(temperature_k - 273.15),
             load_kg: load_kg(visit),
+            strokes_s: Vec::new(),
             run: 0,
             visit: visit as u32,
             held_out: step.held_out,

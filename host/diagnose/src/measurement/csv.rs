@@ -117,6 +117,7 @@ pub fn write_text(run: &Run) -> String {
         planar: samples.iter().all(|sample| sample.pose.is_planar()),
         has_load: samples.iter().any(|sample| sample.load_kg.is_some()),
         n_servos: samples.first().map_or(0, |sample| sample.servos_rad.len()),
+        n_strokes: samples.first().map_or(0, |sample| sample.strokes_s.len()),
     };
     let rows = samples.iter().map(|sample| columns.row(sample));
     csv_text(&iter::once(columns.header()).chain(rows).collect::<Vec<_>>())
@@ -128,6 +129,7 @@ pub(super) struct Columns {
     pub(super) planar: bool,
     pub(super) has_load: bool,
     pub(super) n_servos: usize,
+    pub(super) n_strokes: usize,
 }
 
 impl Columns {
@@ -142,6 +144,7 @@ impl Columns {
         header.extend(pose);
         header.extend(["supply_bar", "temperature_c"]);
         header.extend(self.has_load.then_some("load_kg"));
+        header.extend((0..self.n_strokes).map(|k| format!("stroke{k}_us")));
         header.extend(["run", "visit", "held_out"]);
         header
     }
@@ -155,6 +158,8 @@ impl Columns {
         row.extend(pose_cells(&sample.pose, self.planar));
         row.extend([optional(sample.supply.map(|supply_pa| supply_pa / PA_PER_BAR)), optional(sample.temperature_c)]);
         row.extend(self.has_load.then(|| optional(sample.load_kg)));
+        let strokes = sample.strokes_s.iter().chain(iter::repeat(&None)).take(self.n_strokes);
+        row.extend(strokes.map(|time_s| time_s.map_or(String::new(), |time_s| format!("{:.0}", 1e6 * time_s))));
         row.extend([sample.run.to_string(), sample.visit.to_string(), u8::from(sample.held_out).to_string()]);
         row
     }

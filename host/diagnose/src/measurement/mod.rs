@@ -81,6 +81,9 @@ pub struct Sample {
     pub temperature_c: Option<f64>,
     /// What the tool carries in addition to the payload of the model, kg; `None` where the log does not say.
     pub load_kg: Option<f64>,
+    /// Time of each actuator's stroke on the way, from its row to the change of its limit switch, s; `None` where it did not move
+    /// or no switch showed it. Empty where the log has none.
+    pub strokes_s: Vec<Option<f64>>,
     /// Number of the run.
     pub run: u32,
     /// Number of the visit.

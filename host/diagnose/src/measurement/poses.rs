@@ -126,6 +126,7 @@ struct Columns<'a> {
     supply: Option<&'a Column>,
     temperature: Option<&'a Column>,
     load: Option<&'a Column>,
+    strokes: Vec<&'a Column>,
     run: Option<&'a Column>,
     visit: Option<&'a Column>,
 }
@@ -154,6 +155,7 @@ impl<'a> Columns<'a> {
             supply: in_unit("supply", "Pa"),
             temperature: in_unit("temperature", "°C").or_else(|| in_unit("temperature", "K")),
             load: in_unit("load", "kg"),
+            strokes: (0..).map_while(|k| in_unit(&format!("stroke{k}"), "s")).collect(),
             run: table.quantity("run"),
             visit: table.quantity("visit"),
         })
@@ -168,8 +170,8 @@ impl<'a> Columns<'a> {
     /// Columns that hold nothing which is known here, and angles that look like another unit.
     fn findings(&self) -> Vec<Finding> {
         let optional = [self.previous, self.supply, self.temperature, self.run, self.visit];
-        let known: Vec<&str> =
-            self.needed().chain(optional.into_iter().flatten()).map(|column| &column.name[..]).collect();
+        let optional = optional.into_iter().flatten().chain(self.strokes.iter().copied());
+        let known: Vec<&str> = self.needed().chain(optional).map(|column| &column.name[..]).collect();
         let unread = |column: &&Column| !known.contains(&&column.name[..]) && column.meaning() != "held_out";
         let unread: Vec<&str> = self.table.columns.iter().filter(unread).map(|column| &column.name[..]).collect();
         let mut findings = Vec::new();
@@ -228,6 +230,7 @@ impl Row<'_> {
                 .measured(columns.temperature)?
                 .map(|t| if self.in_kelvin() { t - ZERO_CELSIUS } else { t }),
             load_kg: self.measured(columns.load)?,
+            strokes_s: columns.strokes.iter().map(|&column| self.measured(Some(column))).collect::<Result<_, _>>()?,
             run,
             visit: self.optional(columns.visit, "an integer")?.unwrap_or(index as u32),
             held_out: false,

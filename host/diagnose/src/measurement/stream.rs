@@ -124,7 +124,8 @@ impl Stream {
     }
 
     fn header(&mut self, sample: &Sample, planar: bool) -> io::Result<Columns> {
-        let columns = Columns { planar, has_load: sample.load_kg.is_some(), n_servos: sample.servos_rad.len() };
+        let (n_servos, n_strokes) = (sample.servos_rad.len(), sample.strokes_s.len());
+        let columns = Columns { planar, has_load: sample.load_kg.is_some(), n_servos, n_strokes };
         let header = columns.header();
         match &mut self.sink {
             Sink::Text(file) => file.write_all(csv_text([&header]).as_bytes())?,
@@ -172,6 +173,7 @@ mod tests {
             supply: Some(6e5),
             temperature_c: None,
             load_kg: None,
+            strokes_s: vec![None, Some(0.0123)],
             run: 3,
             visit,
             held_out: false,

@@ -65,6 +65,7 @@ impl Truth {
                 supply: Some(observed.supply),
                 temperature_c: Some(observed.temperature_c),
                 load_kg: step.load_kg,
+                strokes_s: Vec::new(),
                 run: 0,
                 visit: visit as u32,
                 held_out: step.held_out,

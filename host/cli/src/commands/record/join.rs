@@ -40,6 +40,7 @@ fn sample(rest: &Rest, visit: usize, seen: &[Picture]) -> Sample {
         supply: mean(seen.iter().filter_map(|picture| picture.supply_bar)).map(|bar| BAR * bar),
         temperature_c: mean(seen.iter().filter_map(|picture| picture.temperature_c)),
         load_kg: None,
+        strokes_s: Vec::new(),
         run: 0,
         visit: visit as u32,
         held_out: rest.held_out,

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use darm_core::units::Digest;
 use darm_core::wire::message::Refusal;
 use darm_device::client::{Client, ClientError, TimedEvent};
+use darm_device::strokes::InputHistory;
 use serde::Serialize;
 
 use super::RecordError;
@@ -32,6 +33,8 @@ pub(crate) struct Program {
     pub(crate) client: Client,
     pub(crate) monitor: ProgramMonitor,
     pub(crate) interrupt: interrupt::InterruptHandler,
+    /// When the inputs changed; `None` where the firmware does not say.
+    pub(crate) inputs: Option<InputHistory>,
     /// Start and table of the board when the connection was opened.
     board_state: Option<BoardState>,
     lost: Option<Instant>,
@@ -58,6 +61,7 @@ impl Program {
             client,
             monitor,
             interrupt,
+            inputs: Some(InputHistory::default()),
             board_state,
             lost: None,
             next_reminder: FIRST_REMINDER,
@@ -81,10 +85,22 @@ impl Program {
             self.check_board()?;
             self.lost = None;
         }
-        match self.monitor.poll(&mut self.client) {
+        match self.poll_inputs().and_then(|()| self.monitor.poll(&mut self.client)) {
             Ok(events) => Ok(Some(events)),
             Err(error) => self.handle_error(error).map(|()| None),
         }
+    }
+
+    /// Fetches the changes of the inputs since the last poll.
+    fn poll_inputs(&mut self) -> anyhow::Result<()> {
+        while let Some(inputs) = &mut self.inputs {
+            match self.client.input_changes(inputs.next())? {
+                Some(answer) if inputs.take(&answer) => {}
+                Some(_) => break,
+                None => self.inputs = None,
+            }
+        }
+        Ok(())
     }
 
     /// Waits for a broken connection, reopens one that another program ended; any other error is returned.

@@ -2,7 +2,10 @@
 
 use std::collections::VecDeque;
 
-use darm_device::client::Client;
+use darm_core::output::ActuatorWiring;
+use darm_core::sequencer::Event;
+use darm_device::client::{Client, TimedEvent};
+use darm_device::strokes::{SentRow, stroke_times};
 use darm_diagnose::measurement::Sample;
 
 use super::join::{Span, join};
@@ -12,6 +15,7 @@ use super::source::{Camera, CameraError};
 use super::visit_tracker::VisitTracker;
 use crate::commands::camera::unix_less_host_s;
 use crate::commands::play::End;
+use crate::commands::status::seconds;
 use darm_diagnose::visits::Visits;
 
 /// Largest delay of a camera measurement.
@@ -30,6 +34,9 @@ pub(crate) struct Recording<'a> {
     /// The camera is a file, and visits from before this process are joined at the end, when the clock is known best.
     at_end: bool,
     begun: bool,
+    /// Actuators of the table, and the rows that were switched.
+    actuators: Vec<ActuatorWiring>,
+    rows: Vec<SentRow>,
     /// Why no more measurements arrive.
     camera_error: Option<CameraError>,
 }
@@ -40,7 +47,24 @@ impl<'a> Recording<'a> {
         let resumed = tracker.start_s.is_some();
         let at_end = resumed && camera.is_file();
         let waiting = VecDeque::new();
-        Self { tracker, program, camera, output, run, waiting, at_end, begun: resumed, camera_error: None }
+        Self {
+            tracker,
+            program,
+            camera,
+            output,
+            run,
+            waiting,
+            at_end,
+            begun: resumed,
+            actuators: Vec::new(),
+            rows: Vec::new(),
+            camera_error: None,
+        }
+    }
+
+    /// The same with the times of the strokes of these actuators.
+    pub(crate) fn with_strokes(self, actuators: &[ActuatorWiring]) -> Self {
+        Self { actuators: actuators.to_vec(), ..self }
     }
 
     /// Follows the program to its end, or until the user has interrupted it, and writes each visit when its measurements
@@ -74,6 +98,7 @@ impl<'a> Recording<'a> {
         }
         if let Some(events) = self.program.poll()? {
             let monitor = &self.program.monitor;
+            self.rows.extend(events.iter().filter_map(sent_row));
             self.tracker.update(&events, monitor.end.and(monitor.ended_s));
             self.begin()?;
             self.collect();
@@ -125,7 +150,22 @@ impl<'a> Recording<'a> {
     fn sample(&self, visit: usize, span: &Span) -> Option<Sample> {
         let (rest, start_s) = (self.tracker.visits.rests.get(visit)?, self.tracker.start_s?);
         let sample = join(rest, visit, span, self.camera.pictures())?;
-        Some(Sample { run: self.run, time_s: start_s + sample.time_s, ..sample })
+        let strokes_s = self.strokes_s(visit);
+        Some(Sample { run: self.run, time_s: start_s + sample.time_s, strokes_s, ..sample })
+    }
+
+    /// The stroke of each actuator on its way to a visit; empty where the firmware does not say when inputs changed.
+    fn strokes_s(&self, visit: usize) -> Vec<Option<f64>> {
+        let (Some(inputs), rests) = (&self.program.inputs, &self.tracker.visits.rests) else { return Vec::new() };
+        let before = visit.checked_sub(1).and_then(|before| rests.get(before)).map_or(0, |rest| rest.row);
+        let last = rests.get(visit).map_or(0, |rest| rest.row);
+        let mut strokes_s = vec![None; self.actuators.len()];
+        for stroke in stroke_times(&self.actuators, &self.rows, inputs) {
+            if before < stroke.row && stroke.row <= last {
+                strokes_s[stroke.actuator] = Some(seconds(stroke.time));
+            }
+        }
+        strokes_s
     }
 
     /// The visits that have ended without a row.
@@ -133,6 +173,14 @@ impl<'a> Recording<'a> {
         let samples = self.output.samples.iter().filter(|sample| sample.run == self.run);
         let recorded: Vec<usize> = samples.map(|sample| sample.visit as usize).collect();
         (0..self.tracker.next).filter(|visit| !recorded.contains(visit)).collect()
+    }
+}
+
+/// The row of an event.
+fn sent_row(timed: &TimedEvent) -> Option<SentRow> {
+    match timed.event {
+        Event::Row { row, word } => Some(SentRow { row, at: timed.at, word }),
+        _ => None,
     }
 }
 

@@ -33,6 +33,7 @@ fn run(arm: &Arm, rng: &mut ChaCha8Rng) -> Run {
             supply: None,
             temperature_c: None,
             load_kg: None,
+            strokes_s: Vec::new(),
             run: 0,
             visit: visit as u32,
             held_out: false,
