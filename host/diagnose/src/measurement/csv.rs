@@ -144,6 +144,7 @@ impl Columns {
         header.extend(pose);
         header.extend(["supply_bar", "temperature_c"]);
         header.extend(self.has_load.then_some("load_kg"));
+        // Not at the end: a number that is cut there would be read as a shorter one.
         header.extend((0..self.n_strokes).map(|k| format!("stroke{k}_us")));
         header.extend(["run", "visit", "held_out"]);
         header
