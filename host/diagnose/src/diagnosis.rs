@@ -42,6 +42,7 @@ use crate::select::cross_validation::folds;
 use crate::select::forward::{Selection, forward_selection};
 use crate::select::search;
 use crate::select::signals::Signals;
+use crate::select::significance::Levels;
 use crate::select::tool_pose::ToolPoses;
 use darm_arm::arm::{Arm, ArmScratch};
 
@@ -59,13 +60,16 @@ pub struct Options {
     pub next_words: usize,
     /// Effects that are no candidates.
     pub rejected: Vec<Rejection>,
+    /// Of the tests.
+    pub levels: Levels,
     /// How far it is.
     pub progress: Progress,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { seed: 1, next_words: 12, rejected: Vec::new(), progress: Progress::default() }
+        let (levels, progress) = (Levels::default(), Progress::default());
+        Self { seed: 1, next_words: 12, rejected: Vec::new(), levels, progress }
     }
 }
 
@@ -150,6 +154,7 @@ fn prepare_poses(arm: &Arm, run: &Run, repeats: Option<&Noise>, options: &Option
     }
     let problem = ToolPoses::new(training, held_out, folds)
         .without(rejection::of_arm(arm, &options.rejected)?)
+        .with_levels(options.levels)
         .with_progress(options.progress.clone());
     if repeats.is_some() {
         return Ok(problem);

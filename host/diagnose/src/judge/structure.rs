@@ -11,12 +11,10 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use crate::judge::pose_dictionary::dictionary;
 use crate::judge::regression::{Design, Term, of_axis, squares};
 use crate::judge::selected::SelectedPoses;
-use crate::measurement::{Run, median};
+use crate::measurement::median;
 use crate::outcome::{Dependence, Structure};
-use crate::prepare::observations::Observations;
 use crate::select::robust_fit::{size, weights};
-use crate::select::significance::{STRUCTURE_LEVEL, f_test};
-use darm_arm::arm::Arm;
+use crate::select::significance::f_test;
 
 /// Terms that are listed at most.
 const MAX_TERMS: usize = 4;
@@ -32,8 +30,8 @@ pub(crate) fn structure(selected: &SelectedPoses, residuals: &[f64], fitted: usi
     let ratio = winsorized.iter().map(|r| r * r).sum::<f64>() / dof.max(1) as f64;
     let p = noise.map(|noise| f_test(ratio, dof, noise.dof * n_axes));
     let huberized = huberized(residuals, n_axes);
-    let depends_on = dependences(selected.arm, selected.run, observations, &huberized);
-    let beyond_noise = p.is_some_and(|p| p < STRUCTURE_LEVEL) || !depends_on.is_empty();
+    let depends_on = dependences(selected, &huberized);
+    let beyond_noise = p.is_some_and(|p| p < selected.problem.levels.structure) || !depends_on.is_empty();
     let square = trimmed_mean_square(residuals, n_axes);
     let (excess, over_noise) = match noise {
         Some(_) => ((square - 1.0).max(0.0), square.sqrt()),
@@ -71,7 +69,9 @@ fn winsorized(residuals: &[f64], n_axes: usize) -> Vec<f64> {
     residuals.iter().enumerate().map(|(k, r)| r * weights[k / n_axes]).collect()
 }
 
-fn dependences(arm: &Arm, run: &Run, observations: &Observations, residuals: &[f64]) -> Vec<Dependence> {
+fn dependences(selected: &SelectedPoses, residuals: &[f64]) -> Vec<Dependence> {
+    let SelectedPoses { arm, run, problem, .. } = *selected;
+    let (observations, level) = (&problem.training, problem.levels.structure);
     let terms = dictionary(arm, run, observations);
     let rows: Vec<usize> = (0..observations.rows.len()).collect();
     let designs: Vec<Design> = terms.iter().filter_map(|term| Design::new(term, &rows)).collect();
@@ -88,7 +88,7 @@ fn dependences(arm: &Arm, run: &Run, observations: &Observations, residuals: &[f
         });
         let Some((frame, design, taken)) = tried.min_by(|a, b| a.2.criterion.total_cmp(&b.2.criterion)) else { break };
         let p = (taken.p(1.0) * n_tried).min(1.0);
-        if p >= STRUCTURE_LEVEL || taken.criterion >= 0.0 {
+        if p >= level || taken.criterion >= 0.0 {
             break;
         }
         left = if frame == Frame::Base { observations.in_tool(&taken.left) } else { taken.left };

@@ -3,13 +3,13 @@
 //!
 //! All candidates are judged by their linear fit first, cross-validated over groups of rows; the best few, if their gain may
 //! be more than chance, are fitted in full and judged again. The best is kept when its gain is significant
-//! ([`DISCOVERY_LEVEL`], over all that were tried). After each addition the effects selected before must
+//! ([`discovery_level`](super::problem::Policy::discovery_level), over all that were tried). After each addition the effects selected before must
 //! be significant again.
 
 use serde::Serialize;
 
 use super::problem::{CandidateName, Neighbours, RegressionProblem, Trial};
-use super::significance::{DISCOVERY_LEVEL, RIVAL_LEVEL};
+use super::significance::RIVAL_LEVEL;
 
 /// Candidates of each step that are fitted in full.
 const MAX_REFITTED: usize = 8;
@@ -163,7 +163,7 @@ fn first_significant<P: RegressionProblem>(
 
 /// Whether an effect, one of `n_tried`, predicts rows that it was not fitted to.
 fn is_significant<P: RegressionProblem>(problem: &P, without: &Trial<P>, with: &Trial<P>, n_tried: usize) -> bool {
-    problem.under(without).reduction(without, with).p * (n_tried as f64) < DISCOVERY_LEVEL
+    problem.under(without).reduction(without, with).p * (n_tried as f64) < problem.policy().discovery_level
 }
 
 /// The best model in which one selected effect is exchanged for another, where that predicts unseen rows better.

@@ -13,7 +13,7 @@ use crate::effect::{Law, Place, as_str};
 use crate::progress::Progress;
 
 /// How a selection proceeds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Policy {
     /// The most effects that a model holds.
     pub max_effects: usize,
@@ -22,6 +22,8 @@ pub struct Policy {
     pub laws_overlap: bool,
     /// Whether a selected effect may be exchanged for another when none can be added.
     pub exchanges: bool,
+    /// Chance to discover any effect, of all that are tried, where there is none.
+    pub discovery_level: f64,
 }
 
 /// Which candidate it is: a law at one place, or at several together.

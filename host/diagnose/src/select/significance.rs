@@ -22,6 +22,44 @@ pub const CONFIRMATION_LEVEL: f64 = 0.025;
 /// An effect worse than the best one with at least this confidence is not its rival.
 pub const RIVAL_LEVEL: f64 = 0.05;
 
+/// The levels of the tests on tool poses: those of one diagnosis, or of one of several on the same measurement.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Levels {
+    /// Instead of [`STRUCTURE_LEVEL`].
+    pub structure: f64,
+    /// Instead of [`DISCOVERY_LEVEL`].
+    pub discovery: f64,
+    /// Instead of [`CONFIRMATION_LEVEL`].
+    pub confirmation: f64,
+    /// Whether rows left out in turn may confirm an effect that is too small to show in the held-out ones. They have chosen
+    /// the effect, so that this confirms nothing new.
+    pub confirms_in_turn: bool,
+}
+
+impl Default for Levels {
+    fn default() -> Self {
+        Self {
+            structure: STRUCTURE_LEVEL,
+            discovery: DISCOVERY_LEVEL,
+            confirmation: CONFIRMATION_LEVEL,
+            confirms_in_turn: true,
+        }
+    }
+}
+
+impl Levels {
+    /// The levels of a diagnosis that may spend this share (0 to 1) of the chance of a false alarm; only held-out rows
+    /// confirm.
+    pub fn share(share: f64) -> Self {
+        Self {
+            structure: share * STRUCTURE_LEVEL,
+            discovery: share * DISCOVERY_LEVEL,
+            confirmation: share * CONFIRMATION_LEVEL,
+            confirms_in_turn: false,
+        }
+    }
+}
+
 /// By how much the loss of one model is lower than that of another, and how certain that is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LossReduction {

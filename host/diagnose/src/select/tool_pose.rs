@@ -9,7 +9,7 @@ use super::change_point;
 use super::cross_validation::cross_validated;
 use super::problem::{CandidateName, Loss, Neighbours, Policy, RegressionProblem, Trial};
 use super::robust_fit::{Fit, fit, losses};
-use super::significance::{CONFIRMATION_LEVEL, LossReduction, clustered_t_test};
+use super::significance::{Levels, LossReduction, clustered_t_test};
 use crate::effect::Place;
 use crate::linearise::arm_candidates::{self, beginning};
 use crate::linearise::sensitivity::Sensitivity;
@@ -35,6 +35,8 @@ pub struct ToolPoses {
     pub folds: Vec<usize>,
     /// Candidates that are rejected.
     pub rejected: Vec<Effect<f64>>,
+    /// Of the tests.
+    pub(crate) levels: Levels,
     progress: Progress,
 }
 
@@ -47,7 +49,13 @@ pub fn values(model: &ArmModel) -> Vec<Value> {
 impl ToolPoses {
     /// Training rows with their folds, and held-out rows, both in units of the same noise.
     pub fn new(training: Observations, held_out: Observations, folds: Vec<usize>) -> Self {
-        Self { training, held_out, folds, rejected: Vec::new(), progress: Progress::default() }
+        let levels = Levels::default();
+        Self { training, held_out, folds, rejected: Vec::new(), levels, progress: Progress::default() }
+    }
+
+    /// The same, tested at other levels.
+    pub fn with_levels(self, levels: Levels) -> Self {
+        Self { levels, ..self }
     }
 
     /// The same, reporting how far the selection is.
@@ -162,7 +170,7 @@ impl ToolPoses {
     /// Held-out rows which the effects change by too little to show it, or in a single word, do not veto what the others show,
     /// unless the error rises there.
     pub(crate) fn held_out_falls(&self, before: &Trial<Self>, after: &Trial<Self>) -> Result<bool, NoPose> {
-        let falls_in_turn = self.under(before).reduction(before, after).p < CONFIRMATION_LEVEL;
+        let falls_in_turn = self.under(before).reduction(before, after).p < self.levels.confirmation;
         if self.held_out.rows.is_empty() {
             return Ok(falls_in_turn);
         }
@@ -175,7 +183,8 @@ impl ToolPoses {
         let error = fall.error.unwrap_or(0.0);
         let cannot_show = change < ERRORS_TO_SHOW * error || error == 0.0 || fall.dof.is_nan() || fall.dof < 1.0;
         let rises = fall.sum < -error;
-        Ok(fall.p < CONFIRMATION_LEVEL || cannot_show && falls_in_turn && !rises)
+        let confirms_in_turn = self.levels.confirms_in_turn && cannot_show && falls_in_turn && !rises;
+        Ok(fall.p < self.levels.confirmation || confirms_in_turn)
     }
 
     fn judged(&self, fit: Fit, effect: Option<Effect<f64>>, steps: &[change_point::Step]) -> Trial<Self> {
@@ -244,7 +253,8 @@ impl RegressionProblem for ToolPoses {
     type Error = NoPose;
 
     fn policy(&self) -> Policy {
-        Policy { max_effects: MAX_EFFECTS, laws_overlap: false, exchanges: true }
+        let discovery_level = self.levels.discovery;
+        Policy { max_effects: MAX_EFFECTS, laws_overlap: false, exchanges: true, discovery_level }
     }
 
     fn progress(&self) -> &Progress {
