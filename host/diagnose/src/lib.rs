@@ -12,6 +12,7 @@
 //! noise: see [`linearise`].
 
 pub(crate) mod agreement;
+pub mod calibrate;
 pub mod correction;
 pub mod diagnosis;
 pub mod effect;

@@ -10,7 +10,7 @@
 //! - Servo joints stand elsewhere in each round of visits.
 
 pub mod optimal_design;
-mod order;
+pub(crate) mod order;
 
 use std::collections::BTreeMap;
 
@@ -32,11 +32,11 @@ use darm_arm::arm::{Arm, ArmScratch, ZERO_CELSIUS};
 /// Words that compete for a place in a measurement plan.
 const COMPETING: usize = 512;
 /// Noise that the words are chosen for: 0.02° and 0.2 mm; only the ratio of the two matters.
-const NOISE: [f64; 6] = [3.5e-4, 3.5e-4, 3.5e-4, 2e-4, 2e-4, 2e-4];
+pub(crate) const NOISE: [f64; 6] = [3.5e-4, 3.5e-4, 3.5e-4, 2e-4, 2e-4, 2e-4];
 /// Supply (share of nominal) and temperature rise (K) that the words are chosen at.
-const AWAY: (f64, f64) = (0.9, 10.0);
+pub(crate) const AWAY: (f64, f64) = (0.9, 10.0);
 /// Size of an effect that is thought likely, in units of the noise.
-const LIKELY: f64 = 20.0;
+pub(crate) const LIKELY: f64 = 20.0;
 /// Held-out words that each state of each actuator is in, so that more than one shows an effect in that state.
 const SHOWN_IN: usize = 2;
 /// Share of a servo's range that it is moved by to either side.
@@ -119,7 +119,7 @@ pub fn plan(arm: &Arm, options: &Options) -> Vec<Step> {
 /// Parts the numbers of words, in the order in which they were drawn, into `n` that are held out and the others. Each state
 /// of each actuator is in [`SHOWN_IN`] of the former where that can be and leaves one to the latter, since an effect in one
 /// state shows in no word without it.
-fn held_out_and_training(words: &[Word], drawn: Vec<usize>, n: usize) -> (Vec<usize>, Vec<usize>) {
+pub(crate) fn held_out_and_training(words: &[Word], drawn: Vec<usize>, n: usize) -> (Vec<usize>, Vec<usize>) {
     let states = |&word: &usize| words[word].iter().enumerate();
     let mut wanted: BTreeMap<(usize, u8), usize> = BTreeMap::new();
     drawn.iter().flat_map(states).for_each(|state| *wanted.entry(state).or_default() += 1);
@@ -138,13 +138,18 @@ fn held_out_and_training(words: &[Word], drawn: Vec<usize>, n: usize) -> (Vec<us
 
 /// Words, each once, that could be visited: all of them where there are few, else as many as are worth weighing.
 pub fn candidates(arm: &Arm, seed: u64) -> Vec<Step> {
+    drawn(arm, seed, COMPETING)
+}
+
+/// The same with up to `n` words.
+pub(crate) fn drawn(arm: &Arm, seed: u64, n: usize) -> Vec<Step> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let states: Vec<u64> = (0..arm.n_actuators()).map(|k| arm.model.chain.n_states(k) as u64).collect();
     let n_words = states.iter().try_fold(1u64, |n, &states| n.checked_mul(states)).unwrap_or(u64::MAX);
-    let mut words: Vec<Word> = if n_words <= COMPETING as u64 {
+    let mut words: Vec<Word> = if n_words <= n as u64 {
         (0..n_words).map(|number| word(&states, number)).collect()
     } else {
-        (0..COMPETING).map(|_| word(&states, rng.random_range(0..n_words))).collect()
+        (0..n).map(|_| word(&states, rng.random_range(0..n_words))).collect()
     };
     words.sort();
     words.dedup();
@@ -239,7 +244,7 @@ fn as_run_away(arm: &Arm, steps: &[Step]) -> Run {
 }
 
 /// Where the servos are in a round: in the middle of their range, then to one side and to the other.
-fn servo_positions(arm: &Arm, round: usize) -> Vec<f64> {
+pub(crate) fn servo_positions(arm: &Arm, round: usize) -> Vec<f64> {
     let side = [0.0, -SERVO_SHARE, SERVO_SHARE][round % 3];
     let position = |k: usize| {
         let servo = arm.servos.get(k)?;

@@ -11,6 +11,7 @@
 //! arm reaches: [`map`]; from word to word: [`path`]; what a board needs to answer by itself: [`board`].
 
 pub mod anytime;
+pub mod better_words;
 pub mod board;
 pub mod corrected;
 mod every_word;

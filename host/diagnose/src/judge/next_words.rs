@@ -12,9 +12,8 @@ use crate::measurement_plan::optimal_design::informative_first;
 use crate::measurement_plan::{Step, as_run, candidates};
 use crate::outcome::{Alternative, NextMeasurement};
 use crate::prepare::observations::{NoPose, Observations, Value};
-use crate::select::problem::Trial;
 use crate::select::robust_fit::{condition_of, fit, normal, pseudo_inverse, weights};
-use crate::select::tool_pose::{ToolPoses, values};
+use crate::select::tool_pose::values;
 use darm_arm::arm::{Arm, ArmModel, ArmScratch, ZERO_CELSIUS};
 
 /// Explanations can be distinguished when the information about all their values together, each scaled to its own, has no
@@ -48,7 +47,7 @@ pub(crate) fn proposal(
 ) -> Result<NextMeasurement, NoPose> {
     let SelectedPoses { arm, run, problem, best, .. } = *selected;
     let mut scratch = ArmScratch::default();
-    let model = together(arm, best, alternatives);
+    let model = together(arm, &best.fit.model, alternatives);
     let fit = fit(&model, &problem.training, &values(&model), &mut scratch)?;
     let row_weights = weights(&fit.residuals, problem.training.n_axes());
     let (information, _) = normal(&fit.columns, &fit.residuals, &row_weights);
@@ -85,8 +84,8 @@ fn nothing(alternatives: &[Alternative]) -> NextMeasurement {
 }
 
 /// The best model with all alternatives in it, as many as it holds.
-fn together(arm: &Arm, best: &Trial<ToolPoses>, alternatives: &[Alternative]) -> ArmModel {
-    let mut model = best.fit.model.clone();
+pub(crate) fn together(arm: &Arm, best: &ArmModel, alternatives: &[Alternative]) -> ArmModel {
+    let mut model = best.clone();
     for effect in all(&arm.model) {
         let (law, place) = (effect.law().name(), Place::of_arm(&effect));
         let meant = alternatives.iter().any(|a| a.law == law && a.site.place == place);

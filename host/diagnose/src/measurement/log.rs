@@ -67,8 +67,12 @@ pub fn to_text(log: &[u8]) -> Result<Vec<u8>, LogError> {
     table(&Log::read(log)?)
 }
 
-/// The table of a log that may end early, and whether it does. A log without a single message is an error.
-pub(super) fn to_text_of_complete_rows(log: &[u8]) -> Result<(Vec<u8>, bool), LogError> {
+/// The table of a log that may end early, and whether it does.
+///
+/// # Errors
+///
+/// As [`to_text`], but for a log that is cut; one that is cut before its first message is an error.
+pub fn to_text_of_complete_rows(log: &[u8]) -> Result<(Vec<u8>, bool), LogError> {
     match Log::read_complete_records(log)? {
         (log, true) if log.messages.is_empty() => Err(McapError::Cut(0).into()),
         (log, cut) => Ok((table(&log)?, cut)),

@@ -13,7 +13,8 @@ use nalgebra::DMatrix;
 /// there is before.
 pub fn informative_first(mut covariance: DMatrix<f64>, measurements: &[DMatrix<f64>], n: usize) -> Vec<usize> {
     let mut chosen = Vec::new();
-    let mut gains: Vec<(f64, usize)> = vec![(f64::INFINITY, 0); measurements.len()];
+    let mut gains: Vec<(f64, usize)> =
+        first_gains(&covariance, measurements).into_iter().map(|gain| (gain, 1)).collect();
     let mut open: Vec<usize> = (0..measurements.len()).collect();
     while chosen.len() < n && !open.is_empty() {
         let round = chosen.len() + 1;
@@ -32,18 +33,54 @@ pub fn informative_first(mut covariance: DMatrix<f64>, measurements: &[DMatrix<f
     chosen
 }
 
+/// The gain of each measurement before any is chosen, all in one product.
+fn first_gains(covariance: &DMatrix<f64>, measurements: &[DMatrix<f64>]) -> Vec<f64> {
+    let n_rows = measurements.iter().map(DMatrix::nrows).sum();
+    let mut all = DMatrix::zeros(covariance.nrows(), n_rows);
+    let mut first = 0;
+    for measurement in measurements {
+        all.columns_mut(first, measurement.nrows()).copy_from(&measurement.transpose());
+        first += measurement.nrows();
+    }
+    let across = covariance * all;
+    let mut first = 0;
+    let gain = |measurement: &DMatrix<f64>| {
+        let n = measurement.nrows();
+        first += n;
+        log_det(measurement * across.columns(first - n, n))
+    };
+    measurements.iter().map(gain).collect()
+}
+
 /// log det(I + J·P·Jᵀ).
 fn gain(covariance: &DMatrix<f64>, jacobian: &DMatrix<f64>) -> f64 {
-    let n = jacobian.nrows();
-    (DMatrix::identity(n, n) + jacobian * covariance * jacobian.transpose()).determinant().ln()
+    log_det(jacobian * across(covariance, jacobian))
+}
+
+/// P·Jᵀ, column by column: products of few columns are slow otherwise.
+fn across(covariance: &DMatrix<f64>, jacobian: &DMatrix<f64>) -> DMatrix<f64> {
+    let mut across = DMatrix::zeros(covariance.nrows(), jacobian.nrows());
+    for (row, mut column) in across.column_iter_mut().enumerate() {
+        column.gemv(1.0, covariance, &jacobian.row(row).transpose(), 0.0);
+    }
+    across
+}
+
+/// log det(I + M).
+fn log_det(square: DMatrix<f64>) -> f64 {
+    let n = square.nrows();
+    (DMatrix::identity(n, n) + square).determinant().ln()
 }
 
 /// P becomes (P⁻¹ + JᵀJ)⁻¹.
 fn update(covariance: &mut DMatrix<f64>, jacobian: &DMatrix<f64>) {
     let n = jacobian.nrows();
-    let across = jacobian * &*covariance;
-    if let Some(inner) = (DMatrix::identity(n, n) + &across * jacobian.transpose()).try_inverse() {
-        covariance.gemm_tr(-1.0, &across, &(inner * &across), 1.0);
+    let across = across(covariance, jacobian);
+    if let Some(inner) = (DMatrix::identity(n, n) + jacobian * &across).try_inverse() {
+        let scaled = &across * inner;
+        for (left, right) in across.column_iter().zip(scaled.column_iter()) {
+            covariance.ger(-1.0, &left, &right, 1.0);
+        }
     }
 }
 

@@ -122,6 +122,20 @@ impl Blind {
         &mut self.measured
     }
 
+    /// What the same arm gives from step number `from` on in another measurement plan, with a camera and outliers of this
+    /// seed. What comes before does not depend on the steps after it.
+    ///
+    /// # Errors
+    ///
+    /// The true arm has no pose for a step.
+    pub fn measure(&self, arm: &Arm, steps: &[Step], from: usize, seed: u64) -> Result<Run, ChainError> {
+        let mut run = self.truth.measure(steps, 0.0, seed)?;
+        run.samples.drain(..from.min(run.samples.len()));
+        let mut rng = ChaCha8Rng::seed_from_u64(seed ^ from as u64 ^ 0x5a01_0000_0000);
+        spoil(&mut run, arm, OUTLIERS, &mut rng);
+        Ok(run)
+    }
+
     /// Throws a further share of the poses far off, as those that are off already.
     pub fn spoil(&mut self, arm: &Arm, share: f64, rng: &mut ChaCha8Rng) {
         let more = spoil(&mut self.measured, arm, share, rng);

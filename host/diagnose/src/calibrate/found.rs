@@ -1,0 +1,92 @@
+//! What the training rows have chosen, and how certain the predicted pose at the frames is.
+
+use darm_arm::arm::{ArmModel, ArmScratch};
+use darm_core::effect::Effect;
+use nalgebra::DMatrix;
+
+use super::Task;
+use super::design::{any, values_of};
+use super::rows::{Rows, Thought, settled};
+use crate::correction::{ArmCorrection, Outcome};
+use crate::judge::next_words::together;
+use crate::measurement::Run;
+use crate::measurement_plan::{LIKELY, Step};
+use crate::prepare::observations::{NoPose, Observations};
+use crate::select::robust_fit::{Fit, covariance, fit};
+use crate::select::significance::quantile_975;
+use crate::select::tool_pose::values;
+
+/// How many standard deviations wide 95 % of a normal distribution reaches to one side.
+const NORMAL_975: f64 = 1.959_964;
+
+/// Effects that the training rows have chosen, with those that would explain them as well, fitted together.
+pub(super) struct Found {
+    fit: Fit,
+    sigma: [f64; 6],
+}
+
+impl Found {
+    /// What a diagnosis has chosen; `None` where that is nothing.
+    pub(super) fn of(task: &Task, run: &Run, outcome: &Outcome<ArmCorrection>) -> Result<Option<Self>, NoPose> {
+        let best = &outcome.correction.best_effects;
+        if best.len() == task.arm.model.effects.len() {
+            return Ok(None);
+        }
+        let mut model = task.arm.model.clone();
+        model.effects = best.iter().copied().collect();
+        let model = together(task.arm, &model, &outcome.diagnosis.alternatives);
+        let sigma = task.sigma(run);
+        let training = Observations::new(task.arm, run, sigma, |sample| !sample.held_out);
+        let fit = fit(&model, &training, &values(&model), &mut ArmScratch::default())?;
+        Ok(Some(Self { fit, sigma }))
+    }
+
+    /// The model with all of them.
+    pub(super) fn model(&self) -> &ArmModel {
+        &self.fit.model
+    }
+
+    /// Their values that the rows determine.
+    pub(super) fn values(&self) -> Vec<(Effect<f64>, usize)> {
+        self.fit.values.iter().map(|&(effect, value)| (self.fit.model.effects[effect], value)).collect()
+    }
+
+    /// The noise that they were fitted under.
+    pub(super) fn sigma(&self) -> [f64; 6] {
+        self.sigma
+    }
+}
+
+/// How far the pose at the desired frames may be from the predicted one by the values of these effects, with 95 %
+/// confidence, as a distance d, root mean square, m.
+pub(super) fn of_named(task: &Task, run: &Run, effects: &[Effect<f64>]) -> Result<f64, NoPose> {
+    let mut model = task.arm.model.clone();
+    model.effects = effects.iter().copied().collect();
+    let sigma = task.sigma(run);
+    let training = Observations::new(task.arm, run, sigma, |sample| !sample.held_out);
+    let fit = fit(&model, &training, &values(&model), &mut ArmScratch::default())?;
+    let of_values = covariance(&fit, &training);
+    let found = Found { fit, sigma };
+    let conditions = settled(task.arm, run);
+    let rows = Rows::new(task.arm, run, &Thought { frames: task.frames, next: &[], conditions, sigma });
+    let slopes = rows.slopes(&rows.sensitivity(found.model())?, &found.values());
+    let width = quantile_975(training.n_groups.saturating_sub(found.fit.values.len()));
+    Ok(width * slopes.at_frames_m(&of_values))
+}
+
+/// The same for the candidate, each alone, whose values these rows determine worst: what an arm in which nothing was found
+/// may still be missing.
+pub(super) fn of_any(task: &Task, run: &Run, next: &[Step]) -> Result<f64, NoPose> {
+    let sigma = task.sigma(run);
+    let conditions = settled(task.arm, run);
+    let rows = Rows::new(task.arm, run, &Thought { frames: task.frames, next, conditions, sigma });
+    let mut largest_m = 0.0f64;
+    let sensitivity = rows.sensitivity(&task.arm.model)?;
+    for effect in any(&task.arm.model) {
+        let slopes = rows.slopes(&sensitivity, &values_of(effect).collect::<Vec<_>>()).scaled(LIKELY);
+        let information = slopes.information() + DMatrix::identity(slopes.n_values(), slopes.n_values());
+        let Some(of_values) = information.try_inverse() else { continue };
+        largest_m = largest_m.max(NORMAL_975 * slopes.at_frames_m(&of_values));
+    }
+    Ok(largest_m)
+}
