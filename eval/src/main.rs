@@ -3,6 +3,7 @@
 
 mod bench;
 mod blind;
+mod calibrate;
 mod demo;
 mod faults;
 mod join;
@@ -32,6 +33,7 @@ enum Task {
     Bench(bench::Bench),
     Papers(papers::Papers),
     Blind(blind::Blind),
+    Calibrate(calibrate::Calibrate),
     Faults(faults::Faults),
     Merge(join::Merge),
     Compare(join::Compare),
@@ -44,6 +46,7 @@ fn main() -> ExitCode {
         Task::Bench(bench) => bench.run(),
         Task::Papers(papers) => papers.run(),
         Task::Blind(blind) => blind.run(),
+        Task::Calibrate(calibrate) => calibrate.run(),
         Task::Faults(faults) => faults.run(),
         Task::Merge(merge) => merge.run(),
         Task::Compare(compare) => compare.run(),

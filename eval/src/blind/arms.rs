@@ -4,25 +4,36 @@ use std::sync::OnceLock;
 
 use anyhow::Result;
 use darm_arm::arm::Arm;
-use darm_diagnose::measurement_plan::{Options, Step, plan};
+use darm_arm::arm::frames::{DesiredFrame, Weights};
+use darm_diagnose::measurement::Sample;
+use darm_diagnose::measurement_plan::{Options, Step, as_run, candidates, plan};
 
 use xtask::setup;
 
 /// Measurement plans that the seeds of an arm share.
 const PLANS: usize = 4;
+/// Frames that an arm without a task is to reach.
+const FRAMES: usize = 6;
 /// Weights of the spatial arm, whose file has none: its plates and what it carries, kg.
 const PLATE_KG: f64 = 1.5;
 const TOOL_KG: f64 = 0.5;
 
 /// An arm and what it plays.
 pub(crate) struct Subject {
-    pub(super) arm: Arm,
+    pub(crate) arm: Arm,
     plans: [OnceLock<Vec<Step>>; PLANS],
 }
 
 impl Subject {
+    /// Some words as frames that the arm is to reach, where its model has them.
+    pub(crate) fn frames(&self, seed: u64) -> Vec<DesiredFrame> {
+        let steps: Vec<Step> = candidates(&self.arm, seed).into_iter().take(FRAMES).collect();
+        let run = as_run(&self.arm, &steps, self.arm.model.nominal_supply, self.arm.model.reference_temperature_k);
+        run.samples.into_iter().map(|sample| frame(&self.arm, sample)).collect()
+    }
+
     /// What the arm plays for a seed.
-    pub(super) fn steps(&self, seed: u64) -> &[Step] {
+    pub(crate) fn steps(&self, seed: u64) -> &[Step] {
         let seed = seed % PLANS as u64;
         let made = || plan(&self.arm, &Options { seed, ..Options::default() });
         self.plans[seed as usize].get_or_init(made)
@@ -30,7 +41,7 @@ impl Subject {
 }
 
 /// The planar, the spatial and the hybrid arm.
-pub(super) fn subjects() -> Result<[Subject; 3]> {
+pub(crate) fn subjects() -> Result<[Subject; 3]> {
     Ok([subject("planar4")?, subject("spatial3")?, subject("planar4-hybrid")?])
 }
 
@@ -42,4 +53,16 @@ fn subject(name: &str) -> Result<Subject> {
         arm.model.payload.mass_kg = TOOL_KG;
     }
     Ok(Subject { arm, plans: Default::default() })
+}
+
+/// Where the tool is in a sample, as a frame.
+fn frame(arm: &Arm, sample: Sample) -> DesiredFrame {
+    DesiredFrame {
+        name: sample.word.to_string(),
+        word: sample.word,
+        previous: sample.previous.unwrap_or(arm.rest()),
+        servos_rad: sample.servos_rad,
+        pose_base_tool: sample.pose,
+        weights: Weights::default(),
+    }
 }

@@ -31,7 +31,7 @@ use darm_figures::items::{self, Spread};
 use darm_figures::shard::Shard;
 use serde::{Deserialize, Serialize};
 
-use arms::Subject;
+pub(crate) use arms::{Subject, subjects};
 use case::Class;
 
 pub(crate) use damages::Damages;

@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use darm::report::PlanFigures;
 use darm_arm::arm::{Arm, frames, frames::DesiredFrame};
 use darm_arm::plan::Visit;
-use darm_arm::reach::best_words;
+use darm_arm::reach::better_words::better_words;
 use darm_arm::stops::{self, Setting};
 use darm_arm::synthesis::{self, Synthesis, synthesize};
 use darm_core::se::Pose;
@@ -213,21 +213,10 @@ fn close(
     let restopped = errors(corrected, &reached, &measured.run);
 
     station.progress.say("closing by the table: better words for the metal as it is");
-    let words = best_table(corrected, wanted)?;
+    let words: Vec<DesiredFrame> = better_words(corrected, wanted)?.into_iter().map(|(frame, _)| frame).collect();
     let measured = measure(station, corrected, truth, &frame_visits(&words))?;
     let table_only = errors(corrected, &words, &measured.run);
     Ok(Closed { arm: again.arm, settings, restopped, words, table_only })
-}
-
-/// The desired frames with the words and servo angles that the model thinks nearest, each reached from the one before.
-fn best_table(arm: &Arm, wanted: &[DesiredFrame]) -> Result<Vec<DesiredFrame>> {
-    let mut frames = wanted.to_vec();
-    for frame in &mut frames {
-        let best = best_words(arm, &frame.pose_base_tool, &frame.previous, 1)?.into_iter().next();
-        let best = best.with_context(|| format!("no word was found for frame {}", frame.name))?;
-        (frame.word, frame.servos_rad) = (best.word, best.servos_rad);
-    }
-    Ok(in_turn(frames))
 }
 
 /// The frames as a program that goes round and round visits them: each is reached from the one before it.

@@ -18,7 +18,8 @@ use darm_figures::items::{self, Spread};
 use darm_figures::progress::Progress;
 use serde::{Deserialize, Serialize};
 
-use course::{Keep, Task};
+use course::Keep;
+use course::Task;
 use rig::Rig;
 pub(crate) use sweep::Sweep;
 use xtask::image;
@@ -72,7 +73,7 @@ impl ArmKind {
         [examples.join(format!("{name}.toml")), examples.join(format!("{name}-frames.toml"))]
     }
 
-    fn task(self, seed: u64, effect: Option<Kind>) -> Result<Task> {
+    pub(crate) fn task(self, seed: u64, effect: Option<Kind>) -> Result<Task> {
         let [arm, frames] = self.files();
         Task::read(&arm, &frames, seed, effect)
     }
