@@ -25,12 +25,16 @@ pub(crate) struct Adjust {
     #[arg(value_name = "NEW.toml")]
     new: PathBuf,
     /// Smallest adjustment that is listed, in mm; of an angle at the length scale of the arm
-    #[arg(long = "resolution", alias = "resolution-mm", value_name = "MM", default_value_t = 0.05)]
+    #[arg(long = "resolution", alias = "resolution-mm", value_name = "MM", default_value_t = RESOLUTION_MM)]
     resolution_mm: f64,
 }
 
+/// Smallest adjustment that is listed, mm.
+pub(super) const RESOLUTION_MM: f64 = 0.05;
+
+/// The adjustments from one arm to another.
 #[derive(Serialize)]
-struct Report {
+pub(super) struct Report {
     settings: Vec<Line>,
     /// Stops and anchors that differ by less than the resolution.
     below_resolution: usize,
@@ -70,18 +74,22 @@ impl Values {
 impl Adjust {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         let (old, new) = (Arm::read(&self.old)?, Arm::read(&self.new)?);
-        let resolution_m = 1e-3 * self.resolution_mm;
-        if !(resolution_m >= 0.0 && resolution_m.is_finite()) {
-            return Err(Usage(format!("--resolution {}: give a length of at least 0 mm", self.resolution_mm)).into());
-        }
-        let changes = |setting: &Setting| {
-            let per_unit_m = if setting.is_angle { old.length_scale_m } else { 1.0 };
-            (setting.to - setting.from).abs() * per_unit_m > resolution_m
-        };
-        let (listed, below): (Vec<_>, Vec<_>) = differences(&old, &new)?.into_iter().partition(changes);
-        let settings = listed.iter().map(line).collect();
-        ui.print(&Report { settings, below_resolution: below.len(), resolution_m })
+        ui.print(&report(&old, &new, self.resolution_mm)?)
     }
+}
+
+/// The adjustments of at least this size.
+pub(super) fn report(old: &Arm, new: &Arm, resolution_mm: f64) -> anyhow::Result<Report> {
+    let resolution_m = 1e-3 * resolution_mm;
+    if !(resolution_m >= 0.0 && resolution_m.is_finite()) {
+        return Err(Usage(format!("--resolution {resolution_mm}: give a length of at least 0 mm")).into());
+    }
+    let changes = |setting: &Setting| {
+        let per_unit_m = if setting.is_angle { old.length_scale_m } else { 1.0 };
+        (setting.to - setting.from).abs() * per_unit_m > resolution_m
+    };
+    let (listed, below): (Vec<_>, Vec<_>) = differences(old, new)?.into_iter().partition(changes);
+    Ok(Report { settings: listed.iter().map(line).collect(), below_resolution: below.len(), resolution_m })
 }
 
 fn line(setting: &Setting) -> Line {

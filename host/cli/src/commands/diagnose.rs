@@ -152,7 +152,7 @@ impl Answer for Report {
 }
 
 /// The values of an effect with their intervals.
-fn effect(found: &Effect) -> String {
+pub(super) fn effect(found: &Effect) -> String {
     let values = found.values.iter().map(|value| {
         let unit = if value.unit == "1" { String::new() } else { format!(" {}", value.unit) };
         let Some(ci95) = value.ci95 else { return format!("{} {:.3}{unit}", value.name, value.value) };

@@ -4,6 +4,7 @@ mod adjust;
 mod bench_ik;
 mod bringup;
 mod bundle;
+mod calibrate;
 mod camera;
 mod com;
 mod completions;
@@ -54,6 +55,8 @@ use crate::ui::Ui;
 ///   darm synth arm2.toml planar4-frames.toml -o arm3.toml           # with the better model
 ///   darm adjust arm.toml arm3.toml                                  # by how many mm to turn stops
 ///
+/// `darm calibrate` does the steps from the table on by itself, with fewer visits.
+///
 /// The examples here and in the help of each command use the files of the folder `examples`, and build on each other.
 ///
 /// Arms, robots as URDF, MJCF and Denavit-Hartenberg tables: `darm fk`, `jacobian`, `ik`, `bench-ik`,
@@ -101,6 +104,7 @@ pub(crate) enum Command {
     Record(record::Record),
     Import(import::Import),
     Diagnose(diagnose::Diagnose),
+    Calibrate(calibrate::Calibrate),
     Bundle(bundle::Bundle),
     Serve(serve::Serve),
     Console(console::Console),
@@ -142,6 +146,7 @@ impl Command {
             Self::Record(command) => command.run(ui),
             Self::Import(command) => command.run(ui),
             Self::Diagnose(command) => command.run(ui),
+            Self::Calibrate(command) => command.run(ui),
             Self::Bundle(command) => command.run(ui),
             Self::Serve(command) => command.run(ui),
             Self::Console(command) => command.run(ui),

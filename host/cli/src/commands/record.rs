@@ -7,7 +7,7 @@ mod recording;
 mod source;
 mod visit_tracker;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use darm_arm::arm::Arm;
@@ -16,7 +16,7 @@ use darm_core::sequencer::Phase;
 use darm_core::table::Record as TableRecord;
 use darm_core::units::ShortDigest;
 use darm_device::client::Client;
-use darm_diagnose::measurement::{Finding, FindingKind, Run, check};
+use darm_diagnose::measurement::{Finding, FindingKind, Run, Sample, check};
 use serde::Serialize;
 
 use super::play::{End, ProgramMonitor};
@@ -39,7 +39,7 @@ Examples:
   darm record visits.darm --run 2 -o second.csv.gz   # another run, compressed
   darm record visits.darm --camera tcp:camera.local:7000 -o real.csv   # (no_run: camera)
 
-The camera sends lines of comma-separated values. The first line is the header:
+A file of the camera that ends in .mcap is a log whose messages have the columns below as keys. Any other camera sends lines of comma-separated values. The first line is the header:
   time_s,x_m,y_m,angle_deg[,supply_bar][,temperature_c]
   time_s,x_m,y_m,z_m,rx_deg,ry_deg,rz_deg[,supply_bar][,temperature_c]     (in space)
 time_s is Unix time; the pose is that of the tool in the base. A file may grow while another program writes it.
@@ -273,6 +273,45 @@ impl Record {
         match end {
             End::Fault(fault) => Err(SafeState(fault.to_string()).into()),
             End::Finished | End::Stopped => unfinished.map_or(Ok(()), |unfinished| Err(unfinished.into())),
+        }
+    }
+}
+
+/// A program that the board holds, to be played and measured for another command.
+pub(super) struct Measurement<'a> {
+    pub(super) visits: &'a Visits,
+    /// As the user named it.
+    pub(super) camera: &'a str,
+    /// Written row by row.
+    pub(super) output: &'a Path,
+    pub(super) ui: Ui,
+}
+
+impl Measurement<'_> {
+    /// Plays it; the rows, where it came to its end.
+    pub(super) fn run(
+        &self,
+        mut client: Client,
+        interrupt: &interrupt::InterruptHandler,
+        on_visit: impl FnMut(usize),
+    ) -> anyhow::Result<Vec<Sample>> {
+        let camera = Camera::open(self.camera)?;
+        let output = Output::create(self.output)?;
+        let (tracker, monitor) = start(self.visits, &mut client, interrupt)?;
+        let program = Program::new(client, monitor, interrupt.clone(), reconnect_timeout(self.visits), self.ui);
+        let mut recording = Recording::new(tracker, program, camera, output, 0);
+        let end = recording.until_the_end(on_visit);
+        let pictures = recording.camera.count();
+        let samples = recording.output.finish()?;
+        if let Some(interrupted) = interrupt.interrupted() {
+            return Err(interrupted.into());
+        }
+        let (done, all) = (samples.len(), self.visits.rests.len());
+        match end? {
+            End::Fault(fault) => Err(SafeState(fault.to_string()).into()),
+            End::Stopped => Err(Unfinished::Stopped { done, all, what: "visits measured" }.into()),
+            End::Finished if samples.is_empty() => Err(RecordError::NoPictures { pictures }.into()),
+            End::Finished => Ok(samples),
         }
     }
 }

@@ -7,6 +7,7 @@ use std::process::{Child, Command, Output, Stdio};
 
 mod bringup;
 mod bundle;
+mod calibrate;
 mod console;
 mod differential;
 mod digests;
@@ -42,6 +43,7 @@ const COMMANDS: [&str; 34] = [
     "record",
     "import",
     "diagnose",
+    "calibrate",
     "bundle",
     "console",
     "sim",

@@ -4,10 +4,14 @@ use std::fs::File;
 use std::io::{ErrorKind, Read};
 use std::net::TcpStream;
 use std::os::unix::net::UnixStream;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
+
+use darm_diagnose::measurement::log::{self, LogError};
+use darm_diagnose::measurement::mcap::McapError;
 
 use crate::commands::camera::{Columns, LineError, Picture};
 
@@ -67,11 +71,17 @@ pub(crate) struct Camera {
 
 enum Kind {
     File(File),
-    Socket { end: Arc<AtomicBool>, received: Arc<Mutex<Vec<u8>>>, thread: Option<JoinHandle<std::io::Result<()>>> },
+    /// An MCAP log that may grow, and how many of its rows were taken.
+    Log(PathBuf, usize),
+    Socket {
+        end: Arc<AtomicBool>,
+        received: Arc<Mutex<Vec<u8>>>,
+        thread: Option<JoinHandle<std::io::Result<()>>>,
+    },
 }
 
 impl Camera {
-    /// Opens `unix:PATH`, `tcp:HOST:PORT` or a file.
+    /// Opens `unix:PATH`, `tcp:HOST:PORT`, an MCAP log or a file of lines.
     pub(crate) fn open(name: &str) -> Result<Self, CameraError> {
         let kind = if let Some(path) = name.strip_prefix("unix:") {
             let socket = UnixStream::connect(path);
@@ -79,6 +89,8 @@ impl Camera {
         } else if let Some(address) = name.strip_prefix("tcp:") {
             let socket = TcpStream::connect(address);
             socket.and_then(|socket| socket.set_read_timeout(Some(POLL)).map(|()| listen(socket)))
+        } else if name.ends_with(".mcap") {
+            File::open(name).map(|_| Kind::Log(name.into(), 0))
         } else {
             File::open(name).map(Kind::File)
         };
@@ -93,7 +105,7 @@ impl Camera {
 
     /// Whether the source is a file, which keeps its measurements.
     pub(crate) fn is_file(&self) -> bool {
-        matches!(self.kind, Kind::File(_))
+        matches!(self.kind, Kind::File(_) | Kind::Log(..))
     }
 
     /// The received measurements, without those that were dropped.
@@ -124,6 +136,7 @@ impl Camera {
                 let mut bytes = Vec::new();
                 file.read_to_end(&mut bytes).map(|_| bytes)
             }
+            Kind::Log(path, taken) => new_rows(path, taken),
             Kind::Socket { received, .. } => {
                 Ok(std::mem::take(&mut *received.lock().unwrap_or_else(PoisonError::into_inner)))
             }
@@ -170,6 +183,21 @@ impl Camera {
     }
 }
 
+/// The rows of a log that were not taken yet, before the first of them the header. A log that is being written may end early.
+fn new_rows(path: &Path, taken: &mut usize) -> std::io::Result<Vec<u8>> {
+    let bytes = std::fs::read(path)?;
+    let text = match log::to_text_of_complete_rows(&bytes) {
+        Ok((text, _)) => text,
+        Err(LogError::Mcap(McapError::Cut(_))) => return Ok(Vec::new()),
+        Err(error) => return Err(std::io::Error::other(error)),
+    };
+    let lines: Vec<&[u8]> =
+        text.split_inclusive(|&byte| byte == b'\n').filter(|line| !line.starts_with(b"#")).collect();
+    let new = lines.get(*taken..).unwrap_or_default().concat();
+    *taken = lines.len();
+    Ok(new)
+}
+
 fn listen(socket: impl Read + Send + 'static) -> Kind {
     let (end, received) = (Arc::new(AtomicBool::new(false)), Arc::new(Mutex::new(Vec::new())));
     let (seen, buffer) = (Arc::clone(&end), Arc::clone(&received));
@@ -197,7 +225,7 @@ fn read_socket(mut socket: impl Read, end: &AtomicBool, received: &Mutex<Vec<u8>
 mod tests {
     use std::io::Write as _;
 
-    use super::{Camera, listen};
+    use super::{Camera, listen, log};
 
     const HEADER: &str = "time_s,x_m,y_m,angle_deg\n";
 
@@ -221,6 +249,24 @@ mod tests {
             received("").finish().unwrap_err().to_string(),
             "the camera cam sent nothing, not even its header; check the camera program"
         );
+    }
+
+    #[test]
+    fn a_log_that_grows_is_read_on() {
+        let log = |rows: &str| log::from_text(&format!("{HEADER}{rows}")).unwrap();
+        let (one, two) = (log("1,2,3,4\n"), log("1,2,3,4\n2,2,3,4\n"));
+        let file = tempfile::Builder::new().suffix(".mcap").tempfile().unwrap();
+        std::fs::write(file.path(), &one[..8]).unwrap();
+        let mut camera = Camera::open(file.path().to_str().unwrap()).unwrap();
+        let mut rows = |bytes: &[u8]| {
+            std::fs::write(file.path(), bytes).unwrap();
+            camera.poll().unwrap();
+            camera.pictures().len()
+        };
+        // Its header alone, a log, and a longer one whose end is not written yet.
+        assert_eq!([rows(&one[..8]), rows(&one), rows(&two[..two.len() - 40])], [0, 1, 2]);
+        camera.finish().unwrap();
+        assert_eq!((camera.count(), camera.is_planar()), (2, Some(true)));
     }
 
     #[test]

@@ -1,0 +1,191 @@
+//! Result of `darm calibrate`.
+
+use std::path::{Path, PathBuf};
+
+use darm_arm::arm::frames::DesiredFrame;
+use darm_arm::arm::{Arm, ArmScratch};
+use darm_diagnose::calibrate::{Look, Next, Reason, State};
+use darm_diagnose::outcome::{Effect, Verdict};
+use serde::Serialize;
+
+use crate::commands::{adjust, diagnose};
+use crate::ui::{Answer, columns};
+
+/// What a calibration found, and what to do about it.
+#[derive(Serialize)]
+pub(super) struct Calibrated {
+    reason: Reason,
+    verdict: Verdict,
+    effects: Vec<Effect>,
+    visits: usize,
+    looks: Vec<LookReport>,
+    /// What is known of the frames by the model with the effects.
+    pub(super) frames: Vec<FrameReport>,
+    /// The stops that bring the tool to the frames.
+    pub(super) adjusted: Option<Adjusted>,
+    /// The model with the effects.
+    pub(super) model: Option<PathBuf>,
+    /// Digest of the table with the nearest words, where it was uploaded.
+    pub(super) uploaded: Option<String>,
+    folder: PathBuf,
+    #[serde(skip)]
+    plain: Vec<String>,
+}
+
+/// One look in short.
+#[derive(Serialize)]
+pub(super) struct LookReport {
+    visits: usize,
+    /// Share of the chance of a false alarm that it may spend.
+    share: f64,
+    verdict: Verdict,
+    uncertainty_m: Option<f64>,
+    goal_m: f64,
+    /// About how many more visits the goal takes.
+    visits_left: Option<usize>,
+}
+
+/// A frame with its word before and after.
+#[derive(Serialize)]
+pub(super) struct FrameReport {
+    name: String,
+    word: String,
+    predicted_m: f64,
+    better_word: String,
+    better_predicted_m: f64,
+}
+
+/// An arm with other stops.
+#[derive(Serialize)]
+pub(super) struct Adjusted {
+    pub(super) file: PathBuf,
+    /// Whether its tool reaches all frames.
+    pub(super) reached: bool,
+    #[serde(flatten)]
+    pub(super) report: adjust::Report,
+}
+
+impl Calibrated {
+    pub(super) fn new(state: &State, looks: Vec<LookReport>, last: &Look, folder: &Path) -> Self {
+        let reason = match last.next {
+            Next::Stop(reason) => reason,
+            Next::Measure(_) => Reason::NoLookLeft,
+        };
+        let found = &last.outcome.diagnosis;
+        Self {
+            reason,
+            verdict: found.verdict,
+            effects: found.effects.clone(),
+            visits: state.run.samples.len(),
+            looks,
+            frames: Vec::new(),
+            adjusted: None,
+            model: None,
+            uploaded: None,
+            folder: folder.into(),
+            plain: found.plain.clone(),
+        }
+    }
+}
+
+impl LookReport {
+    pub(super) fn of(look: &Look, visits: usize) -> Self {
+        Self {
+            visits,
+            share: look.share,
+            verdict: look.outcome.diagnosis.verdict,
+            uncertainty_m: look.uncertainty_m,
+            goal_m: look.goal_m,
+            visits_left: look.visits_left(visits).filter(|_| matches!(look.next, Next::Measure(_))),
+        }
+    }
+
+    /// For the progress.
+    pub(super) fn line(&self, look: usize, looks: usize) -> String {
+        let certain = self.uncertainty_m.map_or(String::new(), |m| {
+            format!(
+                "; pose at the frames within {:.3} mm of the prediction (95 %), goal {:.3} mm",
+                1e3 * m,
+                1e3 * self.goal_m
+            )
+        });
+        let left = self.visits_left.map_or(String::new(), |visits| format!("; about {visits} more visits"));
+        format!("look {look} of at most {looks}, {} visits: {}{certain}{left}", self.visits, self.verdict)
+    }
+}
+
+impl FrameReport {
+    /// A frame whose present word is that of `old`, and the nearest that of `new`, `after_m` away.
+    pub(super) fn new(corrected: &Arm, old: &DesiredFrame, new: &DesiredFrame, after_m: f64) -> anyhow::Result<Self> {
+        let condition = corrected.model.working(old.word, old.previous, &old.servos_rad);
+        let pose = corrected.model.predict(&condition, &mut ArmScratch::default())?;
+        Ok(Self {
+            name: old.name.clone(),
+            word: old.word.to_string(),
+            predicted_m: pose.distance(&old.pose_base_tool, corrected.length_scale_m),
+            better_word: new.word.to_string(),
+            better_predicted_m: after_m,
+        })
+    }
+
+    fn cells(&self) -> Vec<String> {
+        let mm = |m: f64| format!("{:.3} mm", 1e3 * m);
+        vec![
+            self.name.clone(),
+            self.word.clone(),
+            mm(self.predicted_m),
+            self.better_word.clone(),
+            mm(self.better_predicted_m),
+        ]
+    }
+}
+
+impl Answer for Calibrated {
+    fn text(&self) -> String {
+        let looks = if self.looks.len() == 1 { "1 look".to_owned() } else { format!("{} looks", self.looks.len()) };
+        let mut lines = vec![format!(
+            "verdict: {} after {} visits in {looks}: {}",
+            self.verdict,
+            self.visits,
+            in_words(self.reason)
+        )];
+        lines.extend(self.plain.clone());
+        lines.extend(self.effects.iter().map(diagnose::effect));
+        if !self.frames.is_empty() {
+            let head =
+                ["frame", "word", "predicted error", "nearest word", "predicted error"].map(str::to_owned).to_vec();
+            let rows: Vec<Vec<String>> =
+                std::iter::once(head).chain(self.frames.iter().map(FrameReport::cells)).collect();
+            lines.extend([String::new(), columns(&rows)]);
+            let words = shown(&self.folder, "words.darm");
+            lines.push(match &self.uploaded {
+                Some(digest) => format!("uploaded the nearest words: table {}", digest.get(..16).unwrap_or(digest)),
+                None => format!("to use the nearest words with the arm as it is: `darm upload {words}`"),
+            });
+        }
+        if let Some(adjusted) = &self.adjusted {
+            let reached = if adjusted.reached { "reach the frames" } else { "come as near to the frames as stops can" };
+            lines.push(format!("\nto {reached} by adjusting the stops, {}:", adjusted.file.display()));
+            lines.push(adjusted.report.text());
+        }
+        lines.push(format!("\nwrote {}", shown(&self.folder, "run.csv")));
+        lines.extend(self.model.as_ref().map(|path| format!("wrote the corrected model to {}", path.display())));
+        lines.join("\n")
+    }
+}
+
+/// The name of a file in a folder, for people.
+fn shown(folder: &Path, name: &str) -> String {
+    folder.join(name).display().to_string()
+}
+
+/// Why the loop ended, for people.
+fn in_words(reason: Reason) -> &'static str {
+    match reason {
+        Reason::Reached => "the verdict is confirmed and certain enough",
+        Reason::WrongModelOrLog => "model and measurements do not belong together",
+        Reason::NoLookLeft => {
+            "all looks are used; repeat with a larger --goal, or with more --looks in another --folder"
+        }
+    }
+}
