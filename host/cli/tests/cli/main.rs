@@ -31,7 +31,7 @@ mod serve_kills;
 mod stop;
 mod unfinished;
 
-const COMMANDS: [&str; 34] = [
+const COMMANDS: [&str; 35] = [
     "synth",
     "adjust",
     "bringup",
