@@ -367,6 +367,6 @@ mod tests {
                 let _: Command = command;
             }
         }
-        assert_eq!((requests.len(), commands.len()), (14, 6));
+        assert_eq!((requests.len(), commands.len()), (15, 6));
     }
 }
