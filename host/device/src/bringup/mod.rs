@@ -8,7 +8,7 @@
 //! ```
 //!
 //! [`run`] moves the arm, one output at a time, and asks an [`Operator`]. The others are functions from values to values:
-//! [`judge`] gives the findings of a list of [`Stroke`]s, [`correct`] the profile that follows from findings, [`travel`] the
+//! [`judge`] gives the findings of a list of [`Stroke`]s, [`correct`] the profile that follows from findings, [`travels`] the
 //! times.
 //!
 //! The board drives only what its profile has, within its limits. The table that is loaded meanwhile has no limit switches, so
