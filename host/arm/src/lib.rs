@@ -10,4 +10,5 @@ pub mod reach;
 pub mod stops;
 pub mod synthesis;
 pub mod table_file;
+mod toml_text;
 pub mod wired_arm;

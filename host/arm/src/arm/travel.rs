@@ -1,6 +1,8 @@
 //! Times of travel in the text of an arm file, with its comments and layout kept.
 
-use toml_edit::{DocumentMut, TableLike, TomlError, value};
+use toml_edit::{DocumentMut, TableLike, TomlError};
+
+use crate::toml_text::set_number;
 
 /// The text with these times of travel in ms, by actuator; `None` leaves the actuator as it is.
 ///
@@ -23,12 +25,7 @@ pub fn with_travel_ms(text: &str, travel_ms: &[Option<u16>]) -> Result<String, T
 
 fn set<'a>(actuator: &mut dyn TableLike, times: &mut impl Iterator<Item = &'a Option<u16>>) {
     if let Some(Some(travel_ms)) = times.next() {
-        let decor = actuator.get("travel_ms").and_then(|old| old.as_value()).map(|old| old.decor().clone());
-        let mut item = value(i64::from(*travel_ms));
-        if let (Some(decor), Some(new)) = (decor, item.as_value_mut()) {
-            *new.decor_mut() = decor;
-        }
-        actuator.insert("travel_ms", item);
+        set_number(actuator, "travel_ms", *travel_ms);
     }
 }
 

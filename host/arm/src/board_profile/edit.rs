@@ -2,7 +2,9 @@
 
 use darm_core::output::Drive;
 use darm_core::profile::{Output, Profile};
-use toml_edit::{DocumentMut, Item, Table, TomlError, value};
+use toml_edit::{DocumentMut, Item, Table, TomlError};
+
+use crate::toml_text::set_number;
 
 /// The text with the lines and inputs of another profile, which has the same outputs with the same kinds of drives.
 ///
@@ -11,8 +13,9 @@ use toml_edit::{DocumentMut, Item, Table, TomlError, value};
 /// The text is not TOML.
 pub fn with_wires(text: &str, profile: &Profile) -> Result<String, TomlError> {
     let mut document: DocumentMut = text.parse()?;
-    if let (Some(stop), Some(new)) = (document.get_mut("emergency_stop"), profile.emergency_stop) {
-        set(stop, "input", new.input);
+    let stop = document.get_mut("emergency_stop").and_then(Item::as_table_like_mut);
+    if let (Some(stop), Some(new)) = (stop, profile.emergency_stop) {
+        set_number(stop, "input", new.input);
     }
     let outputs = document.get_mut("output").and_then(Item::as_array_of_tables_mut);
     for table in outputs.into_iter().flat_map(|outputs| outputs.iter_mut()) {
@@ -25,32 +28,13 @@ pub fn with_wires(text: &str, profile: &Profile) -> Result<String, TomlError> {
 }
 
 fn set_output(table: &mut Table, output: &Output) {
-    let mut item = Item::Table(std::mem::take(table));
     let lines = match output.drive {
         Drive::Hold { line } => vec![("line", line)],
         Drive::PeakHold { pull, hold, .. } => vec![("pull", pull), ("hold", hold)],
         Drive::Latch { set, reset, .. } => vec![("set", set), ("reset", reset)],
     };
     let input = output.input.map(|input| ("input", input));
-    lines.into_iter().chain(input).for_each(|(key, number)| set(&mut item, key, number));
-    if let Item::Table(edited) = item {
-        *table = edited;
-    }
-}
-
-/// Sets a number and keeps the comment behind it; the same number stays as it is written.
-fn set(item: &mut Item, key: &str, number: u8) {
-    let Some(table) = item.as_table_like_mut() else { return };
-    let old = table.get(key).and_then(Item::as_value);
-    if old.and_then(|old| old.as_integer()) == Some(number.into()) {
-        return;
-    }
-    let decor = old.map(|old| old.decor().clone());
-    let mut new = value(i64::from(number));
-    if let (Some(decor), Some(new)) = (decor, new.as_value_mut()) {
-        *new.decor_mut() = decor;
-    }
-    table.insert(key, new);
+    lines.into_iter().chain(input).for_each(|(key, number)| set_number(table, key, number));
 }
 
 #[cfg(test)]
