@@ -309,7 +309,7 @@ fn table(subject: &Subject, profile: Digest) -> UploadImage {
     records.extend(wiring.coils.iter().copied().map(Record::Coil));
     let blind = wiring.actuators.iter().map(|actuator| ActuatorWiring { switch: None, ..*actuator });
     records.extend(blind.map(Record::Actuator));
-    let word = Word::zeros(wiring.actuators.len() as u8).unwrap_or_default();
+    let word = Word::zeros(wiring.actuators.len() as u8).expect("an arm has no more actuators than a word has digits");
     records.push(Record::Row(Row { at: Micros(0), word, servos: Default::default() }));
     records.push(Record::End { at: Micros::from_millis(1) });
     UploadImage::table(&records, model)
