@@ -109,12 +109,14 @@ impl Calibrate {
             interrupt: None,
             doing: String::new(),
         };
-        let (state, looks, last) = self.until_the_end(&task, &folder, &mut board, ui)?;
+        let (state, looks, last) = until_the_end(&task, &mut board)?;
         let mut result = Calibrated::new(&state, looks, &last, &self.folder);
         folder.keep_run(&state.run)?;
         if let Some(corrected) = last.outcome.correction.corrected(&wired.arm, &state.run, Keep::Effects) {
             result.model = Some(folder.keep_arm("model.toml", &corrected)?);
-            result.frames = self.words(&corrected, &frames, &board, (&folder, &mut result.uploaded))?;
+            let (reports, table) = words(&corrected, &frames, &board)?;
+            result.frames = reports;
+            result.uploaded = self.upload.then(|| board.upload(&table)).transpose()?;
             result.adjusted = Some(adjusted(&corrected, &frames, &folder, self.seed)?);
         }
         ui.print(&result)
@@ -134,59 +136,44 @@ impl Calibrate {
     fn source(&self) -> Option<String> {
         (self.poses != "sim").then(|| self.poses.clone())
     }
+}
 
-    /// Looks until the loop ends: what was measured, every look in short, and the last one.
-    fn until_the_end(
-        &self,
-        task: &Task,
-        folder: &Folder,
-        board: &mut Board,
-        ui: Ui,
-    ) -> anyhow::Result<(State, Vec<LookReport>, Look)> {
-        let (mut looks, mut visits, mut state) = (Vec::new(), task.first()?, State::default());
-        loop {
-            // Rows come from the file always, so that an interrupted loop continues as it would have.
-            let samples = match folder.look(state.looks)? {
-                Some(samples) => samples,
-                None => {
-                    board.begin(state.looks, task.options.looks);
-                    folder.keep_look(state.looks, board.measure(&visits)?)?
-                }
-            };
-            state = state.with(samples);
-            let spinner = ui.spinner("diagnosing");
-            let found = look(task, &state, &Progress::default())?;
-            spinner.finish_and_clear();
-            let report = LookReport::of(&found, state.run.samples.len());
-            ui.note(&report.line(looks.len() + 1, task.options.looks));
-            looks.push(report);
-            match &found.next {
-                Next::Measure(next) => visits.clone_from(next),
-                Next::Stop(_) => return Ok((state, looks, found)),
+/// Looks until the loop ends: what was measured, every look in short, and the last one.
+fn until_the_end(task: &Task, board: &mut Board) -> anyhow::Result<(State, Vec<LookReport>, Look)> {
+    let (folder, ui) = (board.folder, board.ui);
+    let (mut looks, mut visits, mut state) = (Vec::new(), task.first()?, State::default());
+    loop {
+        // Rows come from the file always, so that an interrupted loop continues as it would have.
+        let samples = match folder.look(state.looks)? {
+            Some(samples) => samples,
+            None => {
+                board.begin(state.looks, task.options.looks);
+                folder.keep_look(state.looks, board.measure(&visits)?)?
             }
+        };
+        state = state.with(samples);
+        let spinner = ui.spinner("diagnosing");
+        let found = look(task, &state, &Progress::default())?;
+        spinner.finish_and_clear();
+        let report = LookReport::of(&found, state.run.samples.len());
+        ui.note(&report.line(looks.len() + 1, task.options.looks));
+        looks.push(report);
+        match &found.next {
+            Next::Measure(next) => visits.clone_from(next),
+            Next::Stop(_) => return Ok((state, looks, found)),
         }
     }
+}
 
-    /// The frames with their nearest words by the corrected model, as a table; uploaded where that is wanted.
-    fn words(
-        &self,
-        corrected: &Arm,
-        frames: &[DesiredFrame],
-        board: &Board,
-        (folder, uploaded): (&Folder, &mut Option<String>),
-    ) -> anyhow::Result<Vec<FrameReport>> {
-        let better = better_words(corrected, frames)?;
-        let reports =
-            frames.iter().zip(&better).map(|(old, (new, after_m))| FrameReport::new(corrected, old, new, *after_m));
-        let reports = reports.collect::<anyhow::Result<Vec<_>>>()?;
-        let dwell_s = default_dwell_s(corrected, board.profile());
-        let words: Vec<DesiredFrame> = better.into_iter().map(|(frame, _)| frame).collect();
-        let table = folder.keep_words(corrected, board.profile(), &words, dwell_s)?;
-        if self.upload {
-            *uploaded = Some(board.upload(&table)?);
-        }
-        Ok(reports)
-    }
+/// The frames with their nearest words by the corrected model, and the file of their table.
+fn words(corrected: &Arm, frames: &[DesiredFrame], board: &Board) -> anyhow::Result<(Vec<FrameReport>, PathBuf)> {
+    let better = better_words(corrected, frames)?;
+    let reports =
+        frames.iter().zip(&better).map(|(old, (new, after_m))| FrameReport::new(corrected, old, new, *after_m));
+    let reports = reports.collect::<anyhow::Result<Vec<_>>>()?;
+    let dwell_s = default_dwell_s(corrected, board.profile());
+    let words: Vec<DesiredFrame> = better.into_iter().map(|(frame, _)| frame).collect();
+    Ok((reports, board.folder.keep_words(corrected, board.profile(), &words, dwell_s)?))
 }
 
 /// The stops that bring the tool of the corrected model to the frames.
