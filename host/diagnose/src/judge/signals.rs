@@ -9,8 +9,7 @@ use crate::judge::selected::SelectedSignals;
 use crate::judge::{Judgement, intervals, next_rows, scatter};
 use crate::linearise::experiment::{Candidate, Experiment};
 use crate::outcome::{Alternative, Repeatability, RepeatedIn, Structure, Verdict};
-use crate::select::forward::rivals;
-use crate::select::simplify::{MAX_COMPARED, surrogates};
+use crate::select::simplify::{MAX_COMPARED, single_rivals, surrogates};
 
 /// Share of the squares that may be left by effects which are named beside what remains.
 const MAX_PARTLY_LEFT: f64 = 0.5;
@@ -125,9 +124,7 @@ fn rivals_of_effects(selected: &SelectedSignals) -> Vec<Rival> {
     let candidates = &problem.experiment.candidates;
     let mut all: Vec<Rival> = Vec::new();
     for order in (*n_known..surrogates.len()).filter(|&order| !surrogates[order]) {
-        let Ok(rivals) = rivals(problem, best, order, None);
-        for (rival, worse_with) in rivals {
-            let Some(&[candidate]) = rival.effect.map(|number| &problem.moves[number][..]) else { continue };
+        for (candidate, rival, worse_with) in single_rivals(problem, best, order) {
             let is_same = |other: usize| candidates[other].is_same(&candidates[candidate]);
             let is_known = all.iter().any(|rival| rival.order == order && is_same(rival.candidate));
             if !best.fit.active.iter().any(|&k| is_same(k)) && !is_known {

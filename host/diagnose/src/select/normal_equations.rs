@@ -6,6 +6,7 @@ use nalgebra::{DMatrix, DVector};
 
 /// Share of the information that is added to each value's own, so that what is not determined stays small.
 const RIDGE: f64 = 1e-9;
+
 /// The normal equations A·x = −g of all values, each scaled by its own information and made safe by a share of [`RIDGE`].
 ///
 /// Most models have few of the values, so that the entries of A are computed where they are needed.

@@ -93,21 +93,19 @@ impl RegressionProblem for Signals {
     fn reweight_until_converged(&self, model: Trial<Self>) -> Result<Trial<Self>, Infallible> {
         let (mut best, mut before) = (model, Vec::new());
         for round in 0..MAX_ROUNDS {
-            let (residuals, linearised) = self.linearise(&best.fit.values);
+            let linearised = self.linearise(&best.fit.values);
+            let residuals = linearised.residuals(&best.fit.values);
             let sigma = self.noise(&residuals);
             let residuals = in_noise(residuals, &sigma);
             let is_same = |(now, before): (&f64, &f64)| (now / before - 1.0).abs() < NOISE_REL_TOL;
             if round >= MIN_ROUNDS && sigma.iter().zip(&before).all(is_same) {
                 // The equations are those of the round before, the noise is the last one: they differ by the tolerance.
-                let last = &best.weighting;
                 best.weighting = Arc::new(Weighting {
                     autocorrelation_time: self.groups.autocorrelation_time(&residuals, sigma.len()),
                     sigma,
                     has_converged: true,
                     linearised,
-                    weights: Arc::clone(&last.weights),
-                    systems: Arc::clone(&last.systems),
-                    sums: Arc::clone(&last.sums),
+                    ..Weighting::clone(&best.weighting)
                 });
                 return Ok(best);
             }

@@ -67,7 +67,7 @@ pub(super) struct Linearised {
 }
 
 /// How rows and axes count: the noise, and the equations of all values in units of it.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Weighting {
     /// Noise of each axis, in the unit of its residuals.
     pub sigma: Vec<f64>,
@@ -97,15 +97,8 @@ impl Weighting {
         let moved = |(system, left_out): (&System, Option<&DVector<f64>>)| {
             system.with(&left_out.map_or_else(|| all.clone(), |left_out| &all - left_out))
         };
-        Self {
-            sigma: self.sigma.clone(),
-            autocorrelation_time: self.autocorrelation_time,
-            has_converged: self.has_converged,
-            linearised,
-            weights: Arc::clone(&self.weights),
-            systems: Arc::new(self.systems.iter().zip(left_out).map(moved).collect()),
-            sums: Arc::clone(&self.sums),
-        }
+        let systems = Arc::new(self.systems.iter().zip(left_out).map(moved).collect());
+        Self { linearised, systems, ..self.clone() }
     }
 
     /// The loss of each residual of rows × axes.
@@ -193,9 +186,9 @@ impl Signals {
         (residuals.chunks(n_axes).map(square).sum::<f64>() / rows).sqrt()
     }
 
-    /// Residuals of the training rows at these values, in their units, and the columns there.
-    pub(super) fn linearise(&self, values: &[f64]) -> (Vec<f64>, Arc<Linearised>) {
-        let linearised = match &self.experiment.curvature {
+    /// Residuals and columns of the training rows at these values, in their units.
+    pub(super) fn linearise(&self, values: &[f64]) -> Arc<Linearised> {
+        match &self.experiment.curvature {
             Curvature::None => Arc::clone(&self.linearised),
             Curvature::Beyond(beyond) => match beyond(values) {
                 None => Arc::clone(&self.linearised),
@@ -209,20 +202,16 @@ impl Signals {
                 let zero = self.training_rows(&residuals).iter().zip(&moved).map(|(own, moved)| own - moved).collect();
                 Arc::new(Linearised { columns: Arc::new(columns), zero })
             }
-        };
-        (linearised.residuals(values), linearised)
+        }
     }
 
     /// Where the residuals of a model are not as linear as its fit took them, what they are near it; `None` where the loss
     /// would hardly change.
     pub(super) fn moved_on(&self, model: &Trial<Self>) -> Option<Arc<Linearised>> {
         let Curvature::Beyond(_) = &self.experiment.curvature else { return None };
-        let (residuals, linearised) = self.linearise(&model.fit.values);
-        if Arc::ptr_eq(&linearised, &model.weighting.linearised) {
-            return None;
-        }
-        let assumed = model.weighting.linearised.residuals(&model.fit.values);
-        let differences = residuals.iter().zip(&assumed).map(|(now, assumed)| now - assumed).collect();
+        let (linearised, assumed) = (self.linearise(&model.fit.values), &model.weighting.linearised);
+        // The columns are the same: the residuals differ by as much as they do at zero.
+        let differences = linearised.zero.iter().zip(&assumed.zero).map(|(now, assumed)| now - assumed).collect();
         let loss = in_noise(differences, &model.weighting.sigma).iter().map(|off| off * off).sum::<f64>();
         (loss > NEGLIGIBLE_LOSS).then_some(linearised)
     }

@@ -70,14 +70,21 @@ fn spanned_by_active(problem: &Signals, best: &Trial<Signals>) -> Vec<usize> {
 fn in_place_of_one(problem: &Signals, best: &Trial<Signals>, n_known: usize) -> impl Iterator<Item = usize> {
     let n = best.fit.active.len();
     let orders = if (2..=MAX_COMPARED).contains(&(n - n_known)) { n_known..n } else { n..n };
-    let rivals_of = move |order: usize| {
-        let Ok(rivals) = rivals(problem, best, order, None);
-        rivals.into_iter().filter_map(|(rival, _)| match problem.moves[rival.effect?][..] {
-            [one] => Some(one),
-            _ => None,
-        })
-    };
-    orders.flat_map(rivals_of).filter(|other| !best.fit.active.contains(other))
+    let others = orders.flat_map(|order| single_rivals(problem, best, order)).map(|(other, ..)| other);
+    others.filter(|other| !best.fit.active.contains(other))
+}
+
+/// Single candidates that do as well in the place of an effect, each with its model and the confidence that it is worse.
+pub(crate) fn single_rivals(
+    problem: &Signals,
+    best: &Trial<Signals>,
+    order: usize,
+) -> impl Iterator<Item = (usize, Trial<Signals>, f64)> {
+    let Ok(rivals) = rivals(problem, best, order, None);
+    rivals.into_iter().filter_map(|(rival, worse_with)| match problem.moves[rival.effect?][..] {
+        [one] => Some((one, rival, worse_with)),
+        _ => None,
+    })
 }
 
 /// Whether the values `inside`, with the root of their information, explain those of a candidate.

@@ -40,8 +40,8 @@ pub(super) type State<'a> = [&'a [f64]; 3];
 #[derive(Clone, Copy)]
 enum Moves {
     Joint(usize),
-    /// The base turns about this axis.
-    Base(Vec3<f64>),
+    /// The base turns about this axis across gravity, the value with this name.
+    Base(Vec3<f64>, &'static str),
 }
 
 /// What the tool carries in a row: the number of its body, and the link that it is fixed to.
@@ -64,9 +64,9 @@ impl Misplaced {
             own.rows(|state| torques(&own.tree, state)).iter().fold(0.0, |largest: f64, tau| largest.max(tau.abs()));
         let joints = (0..robot.joints.len())
             .map(|joint| (Moves::Joint(joint), own.rows(|state| slope(&own.tree, state, joint))));
-        let base = axes_of_tilt(&robot.gravity).map(|about| {
+        let base = axes_of_tilt(&robot.gravity).into_iter().zip(TURNS).map(|(about, name)| {
             let tree = under(&own.tree, -about.cross(&own.tree.gravity));
-            (Moves::Base(about), own.rows(|[q, ..]| torques(&tree, [q, &[], &[]])))
+            (Moves::Base(about, name), own.rows(|[q, ..]| torques(&tree, [q, &[], &[]])))
         });
         let shows = |(_, column): &(Moves, Vec<f64>)| column.iter().any(|slope| slope.abs() > NEGLIGIBLE * largest);
         // A robot whose axes are parallel shows one turn of its base only.
@@ -89,11 +89,9 @@ impl Misplaced {
             let values = vec![value(OFFSET[0], if turns { TURN } else { SHIFT }, column)];
             Some(Candidate { law: Law::JointOffset, site: sites[joint].clone(), shape: None, values })
         };
-        let axes = axes_of_tilt(&robot.gravity);
-        let of_base = |(moves, column): &(Moves, Vec<f64>)| {
-            let Moves::Base(about) = moves else { return None };
-            let name = axes.iter().zip(TURNS).find(|(axis, _)| *axis == about)?.1;
-            Some(value(name, TURN, column))
+        let of_base = |(moves, column): &(Moves, Vec<f64>)| match moves {
+            Moves::Base(_, name) => Some(value(name, TURN, column)),
+            Moves::Joint(_) => None,
         };
         let values: Vec<Value> = self.moves.iter().filter_map(of_base).collect();
         let of_joints = self.moves.iter().filter_map(of_joint);
@@ -113,7 +111,7 @@ impl Misplaced {
         for ((moves, _), size) in self.moves.iter().zip(sizes) {
             match moves {
                 Moves::Joint(joint) => offsets[*joint] += size,
-                Moves::Base(about) => turn += about * *size,
+                Moves::Base(about, _) => turn += about * *size,
             }
         }
         let gravity = rotation_exp(&-turn) * self.tree.gravity;
