@@ -40,6 +40,7 @@ use layout::Layout;
 pub(crate) use layouts::Layouts;
 pub(crate) use mechanisms::Mechanisms;
 use robots::{Robots, Which};
+pub(crate) use table::rate;
 
 /// Diagnoses arms with hidden effects, seed by seed; prints rates with their intervals beside baselines
 #[derive(clap::Args)]

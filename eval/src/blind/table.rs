@@ -90,7 +90,8 @@ fn count(outcomes: &[Outcome], of: Of, choose: fn(&Outcome) -> bool, so: fn(&Mar
     [chosen.iter().filter(|mark| so(mark)).count(), chosen.len()]
 }
 
-pub(super) fn rate(name: &str, hits: usize, n: usize) -> Result<Figure> {
+/// Hits of `n` tries in percent, with the 95 % interval.
+pub(crate) fn rate(name: &str, hits: usize, n: usize) -> Result<Figure> {
     let percent = |share: f64| (1000.0 * share).round() / 10.0;
     let [low, high] = clopper_pearson(hits, n).map(percent);
     Figure::new(name, percent(hits as f64 / n as f64), &format!("% of {n} ({low}–{high})"))

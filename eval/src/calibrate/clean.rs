@@ -3,17 +3,15 @@
 use anyhow::{Context as _, Result};
 use darm_diagnose::calibrate::{Options, Task};
 use darm_diagnose::outcome::Verdict;
-use darm_diagnose::select::significance::clopper_pearson;
 use darm_diagnose::truth::Blind;
 use darm_figures::figure::Figure;
 use darm_figures::items::Job;
 use darm_figures::shard::Shard;
 use serde::{Deserialize, Serialize};
 
+use super::demo::median_or_nan;
 use super::{Simulated, calibrate};
-use crate::blind::Subject;
-use crate::blind::subjects;
-use crate::calibrate::demo::median;
+use crate::blind::{Subject, rate, subjects};
 
 /// Arms from a first seed on, in turn the planar, the spatial and the hybrid one.
 #[derive(Serialize, Deserialize)]
@@ -66,18 +64,15 @@ impl Job for Clean {
             println!("clean arm {}: {}", self.first_seed + arm as u64, answer.verdict);
         }
         let n = answers.len();
-        let rate = |name: &str, is: fn(&Answer) -> bool| {
-            let hits = answers.iter().filter(|answer| is(answer)).count();
-            let [low, high] = clopper_pearson(hits, n);
-            let unit = format!("% of {n} ({:.2}–{:.2})", 100.0 * low, 100.0 * high);
-            Figure::new(&format!("calibrate: {name}"), 100.0 * hits as f64 / n.max(1) as f64, &unit)
+        let rate_of = |name: &str, is: fn(&Answer) -> bool| {
+            rate(&format!("calibrate: {name}"), answers.iter().filter(|answer| is(answer)).count(), n)
         };
         Ok(vec![
-            rate("false alarms of the complete loop on clean arms", |answer| answer.is_alarm)?,
-            rate("clean arms without a verdict", |answer| answer.is_open)?,
+            rate_of("false alarms of the complete loop on clean arms", |answer| answer.is_alarm)?,
+            rate_of("clean arms without a verdict", |answer| answer.is_open)?,
             Figure::new(
                 "calibrate: visits of a clean arm, median",
-                median(answers.iter().map(|answer| answer.visits as f64).collect()),
+                median_or_nan(answers.iter().map(|answer| answer.visits as f64)),
                 "visits",
             )?,
         ])

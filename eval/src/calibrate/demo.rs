@@ -3,10 +3,11 @@
 use anyhow::{Context as _, Result};
 use darm_arm::arm::Arm;
 use darm_arm::arm::frames::DesiredFrame;
-use darm_diagnose::calibrate::{Look, Options, Task};
+use darm_diagnose::calibrate::{Options, Task};
 use darm_diagnose::diagnosis::{self, diagnose};
+use darm_diagnose::measurement::median;
 use darm_diagnose::measurement_plan::{self, plan};
-use darm_diagnose::outcome::{Diagnosis, Verdict};
+use darm_diagnose::outcome::Diagnosis;
 use darm_diagnose::truth::{Blind, Kind};
 use darm_figures::figure::Figure;
 use darm_figures::items::Job;
@@ -81,7 +82,7 @@ impl Job for Effects {
         let mut last = None;
         calibrate(&task, &mut Simulated::new(&bench.arm, &truth, seed), |look, visits| {
             let found = &look.outcome.diagnosis;
-            if end.is_none() && ends(look) {
+            if end.is_none() && look.end_at(Options::default().goal_after(found)).is_some() {
                 end = Some((found.clone(), visits));
             }
             if as_narrow.is_none() && width(found, &by_plan).is_some_and(|width| width <= 1.0) {
@@ -124,27 +125,24 @@ impl Job for Effects {
             let count = courses.iter().filter(|course| is(course)).count();
             Figure::new(&format!("calibrate: {name}, of {n}"), count as f64, "arms")
         };
-        let of =
-            |name: &str, values: Vec<f64>, unit: &str| Figure::new(&format!("calibrate: {name}"), median(values), unit);
+        let of = |name: &str, values: &mut dyn Iterator<Item = f64>, unit: &str| {
+            Figure::new(&format!("calibrate: {name}"), median_or_nan(values), unit)
+        };
         let never = f64::INFINITY;
         let as_narrow = |course: &Course| course.visits_as_narrow.map_or(never, |visits| visits as f64);
         let mut figures = vec![
             count("effects named rightly with their places", |course| course.is_right)?,
             count("the same by one measurement plan", |course| course.is_right_by_plan)?,
             count("false names", |course| course.is_false)?,
-            of("visits of one measurement plan", courses.iter().map(|c| c.plan_visits as f64).collect(), "visits")?,
-            of("visits to the verdict, median", courses.iter().map(|c| c.visits as f64).collect(), "visits")?,
-            of("interval over that of the plan, median", courses.iter().filter_map(|c| c.width).collect(), "times")?,
-            of(
-                "visits to the verdict and interval of the plan, median",
-                courses.iter().map(as_narrow).collect(),
-                "visits",
-            )?,
+            of("visits of one measurement plan", &mut courses.iter().map(|c| c.plan_visits as f64), "visits")?,
+            of("visits to the verdict, median", &mut courses.iter().map(|c| c.visits as f64), "visits")?,
+            of("interval over that of the plan, median", &mut courses.iter().filter_map(|c| c.width), "times")?,
+            of("visits to the verdict and interval of the plan, median", &mut courses.iter().map(as_narrow), "visits")?,
         ];
         for (k, kind) in Kind::EFFECTS.iter().enumerate() {
             let own = courses.iter().skip(k).step_by(Kind::EFFECTS.len());
             let name = format!("{kind}: visits to the verdict and interval of the plan, median");
-            figures.push(of(&name, own.map(as_narrow).collect(), "visits")?);
+            figures.push(of(&name, &mut own.map(as_narrow), "visits")?);
         }
         Ok(figures)
     }
@@ -152,14 +150,6 @@ impl Job for Effects {
     fn seed(&self) -> u64 {
         self.first_seed
     }
-}
-
-/// Whether the loop with its own goal would end.
-fn ends(look: &Look) -> bool {
-    let Diagnosis { verdict, repeatability, .. } = &look.outcome.diagnosis;
-    let goal_m = repeatability.as_ref().map_or(0.0, |repeats| Options::DEFAULT_GOAL * repeats.norm.value);
-    let is_confirmed = matches!(verdict, Verdict::EffectFound | Verdict::NoEffect);
-    *verdict == Verdict::WrongModelOrLog || is_confirmed && look.uncertainty_m.is_some_and(|m| m <= goal_m)
 }
 
 /// Whether the effect is named at its place, and no other.
@@ -189,8 +179,6 @@ fn names(found: &Diagnosis) -> String {
 }
 
 /// The middle one; of none NaN.
-pub(super) fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let middle = |at: usize| values.get(at).copied().unwrap_or(f64::NAN);
-    0.5 * (middle(values.len().saturating_sub(1) / 2) + middle(values.len() / 2))
+pub(super) fn median_or_nan(values: impl Iterator<Item = f64>) -> f64 {
+    median(values).unwrap_or(f64::NAN)
 }

@@ -18,8 +18,7 @@ use darm_figures::items::{self, Spread};
 use darm_figures::progress::Progress;
 use serde::{Deserialize, Serialize};
 
-use course::Keep;
-use course::Task;
+use course::{Keep, Task};
 use rig::Rig;
 pub(crate) use sweep::Sweep;
 use xtask::image;

@@ -31,7 +31,7 @@ use crate::diagnosis::{self, diagnose};
 use crate::error::DiagnoseError;
 use crate::measurement::{Run, Sample};
 use crate::measurement_plan::{NOISE, Step};
-use crate::outcome::Verdict;
+use crate::outcome::{Diagnosis, Verdict};
 use crate::prepare::observations::NoPose;
 use crate::prepare::repeatability::repeated;
 use crate::progress::Progress;
@@ -58,9 +58,19 @@ pub struct Options {
 impl Options {
     /// How far the pose at the frames may be from the predicted one, in units of the repeatability, where no goal is given:
     /// a fifth adds 2 % to what is measured there.
-    pub const DEFAULT_GOAL: f64 = 0.2;
+    const DEFAULT_GOAL: f64 = 0.2;
     /// The same where nothing was found, of the candidate effect that is determined worst.
-    pub const DEFAULT_GOAL_OF_NOTHING: f64 = 0.5;
+    const DEFAULT_GOAL_OF_NOTHING: f64 = 0.5;
+
+    /// How far the pose at the frames may be from the predicted one after this diagnosis, m.
+    pub fn goal_after(&self, found: &Diagnosis) -> f64 {
+        let repeats_m = found.repeatability.as_ref().map_or(0.0, |repeats| repeats.norm.value);
+        let share_of_repeats = match found.verdict {
+            Verdict::NoEffect => Self::DEFAULT_GOAL_OF_NOTHING,
+            _ => Self::DEFAULT_GOAL,
+        };
+        self.goal_m.unwrap_or(share_of_repeats * repeats_m)
+    }
 
     /// The visits of each look.
     pub fn visits_of_looks(&self) -> Vec<usize> {
@@ -181,6 +191,11 @@ impl State {
 const RESTART_S: f64 = 1.0;
 
 impl Look {
+    /// Why a calibration with this goal, m, ends here, however many looks are left.
+    pub fn end_at(&self, goal_m: f64) -> Option<Reason> {
+        end(self.outcome.diagnosis.verdict, self.uncertainty_m, goal_m)
+    }
+
     /// About how many more visits the goal takes after `made`: the uncertainty falls with the root of their number. `None`
     /// where the verdict predicts nothing yet.
     pub fn visits_left(&self, made: usize) -> Option<usize> {
@@ -204,25 +219,25 @@ pub fn look(task: &Task, state: &State, progress: &Progress) -> Result<Look, Dia
     let outcome = diagnose(task.arm, run, &how)?;
     let none = |none| no_pose(run, none);
     let uncertainty_m = uncertainty_m(task, run, &outcome).map_err(none)?;
-    let repeats_m = outcome.diagnosis.repeatability.as_ref().map_or(0.0, |repeats| repeats.norm.value);
-    let share_of_repeats = match outcome.diagnosis.verdict {
-        Verdict::NoEffect => Options::DEFAULT_GOAL_OF_NOTHING,
-        _ => Options::DEFAULT_GOAL,
-    };
-    let goal_m = options.goal_m.unwrap_or(share_of_repeats * repeats_m);
-    let next = match outcome.diagnosis.verdict {
-        Verdict::WrongModelOrLog => Next::Stop(Reason::WrongModelOrLog),
-        Verdict::EffectFound | Verdict::NoEffect if uncertainty_m.is_some_and(|m| m <= goal_m) => {
-            Next::Stop(Reason::Reached)
-        }
-        _ if state.looks >= options.looks => Next::Stop(Reason::NoLookLeft),
-        _ => {
+    let goal_m = options.goal_after(&outcome.diagnosis);
+    let next = match end(outcome.diagnosis.verdict, uncertainty_m, goal_m) {
+        Some(reason) => Next::Stop(reason),
+        None if state.looks >= options.looks => Next::Stop(Reason::NoLookLeft),
+        None => {
             let found = Found::of(task, run, &outcome).map_err(none)?;
             let design = Design::new(task.arm, options.seed);
             Next::Measure(design.next(task, run, found.as_ref(), state.looks).map_err(none)?)
         }
     };
     Ok(Look { share, outcome, uncertainty_m, goal_m, next })
+}
+
+fn end(verdict: Verdict, uncertainty_m: Option<f64>, goal_m: f64) -> Option<Reason> {
+    match verdict {
+        Verdict::WrongModelOrLog => Some(Reason::WrongModelOrLog),
+        Verdict::EffectFound | Verdict::NoEffect if uncertainty_m.is_some_and(|m| m <= goal_m) => Some(Reason::Reached),
+        _ => None,
+    }
 }
 
 /// How far the pose at the frames may be from the predicted one.

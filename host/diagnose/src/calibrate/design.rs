@@ -16,7 +16,7 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
-use super::rows::{Rows, Slopes, Thought, settled};
+use super::rows::{Rows, Slopes, Thought};
 use super::{Found, Task};
 use crate::linearise::arm_candidates;
 use crate::measurement::Run;
@@ -114,7 +114,7 @@ impl Design {
         let mut chosen = Vec::new();
         if let Some(found) = found {
             let steps: Vec<Step> = open.iter().map(|&step| self.steps[step].clone()).collect();
-            let (conditions, sigma) = (settled(task.arm, run), found.sigma());
+            let (conditions, sigma) = (run.settled_or_nominal(task.arm), found.sigma());
             let rows = Rows::new(task.arm, run, &Thought { frames: &[], next: &steps, conditions, sigma });
             let slopes = rows.slopes(&rows.sensitivity(found.model())?, &found.values());
             let information = slopes.information();

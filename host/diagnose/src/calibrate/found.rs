@@ -1,12 +1,12 @@
 //! What the training rows have chosen, and how certain the predicted pose at the frames is.
 
-use darm_arm::arm::{ArmModel, ArmScratch};
+use darm_arm::arm::{Arm, ArmModel, ArmScratch};
 use darm_core::effect::Effect;
 use nalgebra::DMatrix;
 
 use super::Task;
 use super::design::{any, values_of};
-use super::rows::{Rows, Thought, settled};
+use super::rows::{Rows, Thought};
 use crate::correction::{ArmCorrection, Outcome};
 use crate::judge::next_words::together;
 use crate::measurement::Run;
@@ -32,13 +32,17 @@ impl Found {
         if best.len() == task.arm.model.effects.len() {
             return Ok(None);
         }
-        let mut model = task.arm.model.clone();
-        model.effects = best.iter().copied().collect();
-        let model = together(task.arm, &model, &outcome.diagnosis.alternatives);
+        let model = together(task.arm, &with(task.arm, best), &outcome.diagnosis.alternatives);
+        let (found, _) = Self::fitted(task, run, &model)?;
+        Ok(Some(found))
+    }
+
+    /// The effects of a model fitted to the training rows, and these.
+    fn fitted(task: &Task, run: &Run, model: &ArmModel) -> Result<(Self, Observations), NoPose> {
         let sigma = task.sigma(run);
         let training = Observations::new(task.arm, run, sigma, |sample| !sample.held_out);
-        let fit = fit(&model, &training, &values(&model), &mut ArmScratch::default())?;
-        Ok(Some(Self { fit, sigma }))
+        let fit = fit(model, &training, &values(model), &mut ArmScratch::default())?;
+        Ok((Self { fit, sigma }, training))
     }
 
     /// The model with all of them.
@@ -57,17 +61,20 @@ impl Found {
     }
 }
 
+/// The model of an arm with these effects only.
+fn with(arm: &Arm, effects: &[Effect<f64>]) -> ArmModel {
+    let mut model = arm.model.clone();
+    model.effects = effects.iter().copied().collect();
+    model
+}
+
 /// How far the pose at the desired frames may be from the predicted one by the values of these effects, with 95 %
 /// confidence, as a distance d, root mean square, m.
 pub(super) fn of_named(task: &Task, run: &Run, effects: &[Effect<f64>]) -> Result<f64, NoPose> {
-    let mut model = task.arm.model.clone();
-    model.effects = effects.iter().copied().collect();
-    let sigma = task.sigma(run);
-    let training = Observations::new(task.arm, run, sigma, |sample| !sample.held_out);
-    let fit = fit(&model, &training, &values(&model), &mut ArmScratch::default())?;
-    let of_values = covariance(&fit, &training);
-    let found = Found { fit, sigma };
-    let conditions = settled(task.arm, run);
+    let (found, training) = Found::fitted(task, run, &with(task.arm, effects))?;
+    let of_values = covariance(&found.fit, &training);
+    let sigma = found.sigma;
+    let conditions = run.settled_or_nominal(task.arm);
     let rows = Rows::new(task.arm, run, &Thought { frames: task.frames, next: &[], conditions, sigma });
     let slopes = rows.slopes(&rows.sensitivity(found.model())?, &found.values());
     let width = quantile_975(training.n_groups.saturating_sub(found.fit.values.len()));
@@ -78,7 +85,7 @@ pub(super) fn of_named(task: &Task, run: &Run, effects: &[Effect<f64>]) -> Resul
 /// may still be missing.
 pub(super) fn of_any(task: &Task, run: &Run, next: &[Step]) -> Result<f64, NoPose> {
     let sigma = task.sigma(run);
-    let conditions = settled(task.arm, run);
+    let conditions = run.settled_or_nominal(task.arm);
     let rows = Rows::new(task.arm, run, &Thought { frames: task.frames, next, conditions, sigma });
     let mut largest_m = 0.0f64;
     let sensitivity = rows.sensitivity(&task.arm.model)?;

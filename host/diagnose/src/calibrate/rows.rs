@@ -1,7 +1,7 @@
 //! The rows that a look weighs: those measured, the desired frames, and words that could be visited next.
 
 use darm_arm::arm::frames::DesiredFrame;
-use darm_arm::arm::{Arm, ArmScratch, ZERO_CELSIUS};
+use darm_arm::arm::{Arm, ArmScratch};
 use darm_core::effect::Effect;
 use nalgebra::DMatrix;
 
@@ -135,11 +135,4 @@ impl Slopes<'_> {
 fn at_frame(frame: &DesiredFrame) -> Step {
     let (word, previous, servos_rad) = (frame.word, frame.previous, frame.servos_rad.clone());
     Step { word, previous, servos_rad, load_kg: None, held_out: false, repeat: false }
-}
-
-/// Supply and temperature that the arm has settled to; those of the model where they were not measured.
-pub(super) fn settled(arm: &Arm, run: &Run) -> Conditions {
-    let (supply, temperature_c) = run.settled();
-    let temperature_k = temperature_c.map_or(arm.model.reference_temperature_k, |celsius| celsius + ZERO_CELSIUS);
-    (supply.unwrap_or(arm.model.nominal_supply), temperature_k)
 }

@@ -99,9 +99,7 @@ pub(crate) fn together(arm: &Arm, best: &ArmModel, alternatives: &[Alternative])
 
 /// The conditions of this run, then another supply, then another temperature.
 fn conditions(arm: &Arm, run: &Run) -> [Conditions; 3] {
-    let (supply, temperature_c) = run.settled();
-    let supply = supply.unwrap_or(arm.model.nominal_supply);
-    let temperature_k = temperature_c.map_or(arm.model.reference_temperature_k, |celsius| celsius + ZERO_CELSIUS);
+    let (supply, temperature_k) = run.settled_or_nominal(arm);
     let (less, warmer) = (0.85 * supply, temperature_k + 10.0);
     [
         Conditions { supply, temperature_k, text: None },

@@ -52,6 +52,7 @@ pub mod signal;
 mod stream;
 pub mod table;
 
+use darm_arm::arm::{Arm, ZERO_CELSIUS};
 use darm_core::se::Pose;
 use darm_core::units::Word;
 
@@ -148,10 +149,17 @@ impl Run {
         let last = &self.samples[self.samples.len() - self.samples.len().div_ceil(5)..];
         (median(last.iter().filter_map(|s| s.supply)), median(last.iter().filter_map(|s| s.temperature_c)))
     }
+
+    /// The same, the temperature in K; those of the model where they were not measured.
+    pub(crate) fn settled_or_nominal(&self, arm: &Arm) -> (f64, f64) {
+        let (supply, temperature_c) = self.settled();
+        let temperature_k = temperature_c.map_or(arm.model.reference_temperature_k, |celsius| celsius + ZERO_CELSIUS);
+        (supply.unwrap_or(arm.model.nominal_supply), temperature_k)
+    }
 }
 
-/// The middle one of some numbers.
-pub(crate) fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
+/// The middle one of some numbers; `None` without any.
+pub fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
     let mut values: Vec<f64> = values.collect();
     if values.is_empty() {
         return None;
