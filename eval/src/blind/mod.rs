@@ -245,6 +245,18 @@ mod tests {
         }
     }
 
+    /// A clean arm, of which a step was selected that held-out rows veto; and a joint that is off its encoder by so little that
+    /// its torque is a third of the noise: constant torques of two joints take as much of it.
+    #[test]
+    fn what_hardly_shows_in_torques_gets_no_wrong_name() {
+        let outcome = |layout, first_seed, item| {
+            let job = Layouts { arms: 2, first_seed, layout: Some(layout), wrong: false };
+            job.run(&job.bench(Shard::ALL).unwrap(), item).unwrap()
+        };
+        assert!(!outcome(Layout::RoundedStamps, 300_002, 0).answer.is_wrong());
+        assert!(!outcome(Layout::LostRows, 300_024, 3).answer.is_wrong());
+    }
+
     /// A sample; `blind --mechanisms` has all of them.
     #[test]
     fn the_law_of_a_mechanism_is_found_and_no_other_gets_a_name() {

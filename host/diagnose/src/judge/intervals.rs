@@ -164,15 +164,10 @@ fn value_name(value: &experiment::Value, of: &Candidate) -> String {
     format!("{} of {} at {}", value.name, of.law, of.site)
 }
 
-/// Which effects are named: all of a model that was selected effect by effect; where all values have priors those that differ
-/// from zero, the others are kept small.
+/// Which effects are named: the known ones, and of those selected the ones that differ from zero.
 fn named(selected: &SelectedSignals, deviations: &[f64]) -> Vec<bool> {
-    let n_known = selected.n_known;
-    let mut named = vec![true; selected.best.fit.active.len()];
-    if selected.problem.experiment.all_priors_informative() {
-        let chances = &chances(selected, deviations)[n_known..];
-        named.splice(n_known.., discoveries(chances, FALSE_SHARE));
-    }
+    let mut named = vec![true; selected.n_known];
+    named.extend(discoveries(&chances(selected, deviations)[selected.n_known..], FALSE_SHARE));
     named
 }
 

@@ -9,7 +9,10 @@ use crate::judge::selected::SelectedSignals;
 use crate::judge::{Judgement, intervals, next_rows, scatter};
 use crate::linearise::experiment::{Candidate, Experiment};
 use crate::outcome::{Alternative, Repeatability, RepeatedIn, Structure, Verdict};
-use crate::select::simplify::{MAX_COMPARED, single_rivals, surrogates};
+use crate::select::factored::judged;
+use crate::select::problem::RegressionProblem as _;
+use crate::select::significance::STRUCTURE_LEVEL;
+use crate::select::simplify::{MAX_COMPARED, single_rivals};
 
 /// Share of the squares that may be left by effects which are named beside what remains.
 const MAX_PARTLY_LEFT: f64 = 0.5;
@@ -28,8 +31,8 @@ struct Rival {
 /// searches.
 pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_filtered: bool) -> Judgement {
     let (problem, best) = (&selected.problem, &selected.best);
-    let rivals = rivals_of_effects(selected);
     let (mut effects, mut unobservable) = intervals::effects(selected);
+    let rivals = rivals_of_effects(selected, &effects);
     unobservable.extend(selected.impossible.iter().map(|&k| {
         let candidate = &problem.experiment.candidates[k];
         format!(
@@ -37,11 +40,7 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
             candidate.law, candidate.site
         )
     }));
-    let has_rivals = |found: &Effect| {
-        let own = rivals.iter().map(|rival| selected.candidate(rival.order));
-        own.into_iter().any(|own| own.law == found.law && own.site == found.site)
-    };
-    effects.retain(|found| !has_rivals(found));
+    effects.retain(|found| !rivals.iter().any(|rival| is_of(found, selected.candidate(rival.order))));
     // Effects that help together, and none of them by itself.
     let is_undecided = effects.is_empty() && rivals.is_empty() && best.fit.active.len() > selected.n_known;
     let doubtful = match is_undecided {
@@ -57,11 +56,12 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
     let sigma = &best.weighting.sigma;
     let explained = agreement::signals::explained(&problem.experiment, &best.predicted);
     let rest = Rest::of(&problem.experiment, &after, repeatability.as_ref());
+    let is_any = !effects.is_empty() || !doubtful.is_empty();
     let evidence = Evidence {
         agrees: selected.agreement.allows(effects.len(), explained),
         named: effects.len(),
         is_ambiguous: !doubtful.is_empty(),
-        was_beyond_noise: !remaining.is_empty() || !effects.is_empty() || !doubtful.is_empty(),
+        was_beyond_noise: !remaining.is_empty() || is_any && chance_of_gain(selected) < STRUCTURE_LEVEL,
         is_left: left > UNEXPLAINED_SHARE || over_noise > MAX_LEFT || rest.is_far_from_repeats,
         is_mainly_taken: left < MAX_PARTLY_LEFT,
         held_out_falls: pooled.map_or_else(|| HeldOut::of(selected).falls(sigma), |pooled| pooled.falls(sigma)),
@@ -83,6 +83,14 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
     };
     let structure = None;
     Judgement { verdict, effects, alternatives, unobservable, repeatability, structure, remaining, next_measurement }
+}
+
+/// Chance that all effects selected together predict unseen rows so much better where there is none, times the number of
+/// candidates.
+fn chance_of_gain(selected: &SelectedSignals) -> f64 {
+    let SelectedSignals { problem, best, n_known, .. } = selected;
+    let known = judged(problem.under(best), best.fit.active[..*n_known].to_vec(), None);
+    problem.under(best).reduction(&known, best).p * problem.moves.len() as f64
 }
 
 /// The error that is left, next to the scatter of the rows.
@@ -111,19 +119,24 @@ impl Rest {
     }
 }
 
-/// What explains the rows as well in the place of an effect, where there are few of them.
+/// Whether a candidate is this effect, in whatever shape.
+fn is_of(found: &Effect, candidate: &Candidate) -> bool {
+    candidate.law == found.law && candidate.site == found.site
+}
+
+/// What explains the rows as well in the place of an effect that differs from zero, where the model has few.
 ///
 /// Another shape of the same law at the same place is no other explanation, and neither is what is in the model already.
-fn rivals_of_effects(selected: &SelectedSignals) -> Vec<Rival> {
+fn rivals_of_effects(selected: &SelectedSignals, effects: &[Effect]) -> Vec<Rival> {
     let SelectedSignals { problem, best, n_known, .. } = selected;
     let n_found = best.fit.active.len() - n_known;
     if n_found == 0 || n_found > MAX_COMPARED {
         return Vec::new();
     }
-    let surrogates = surrogates(problem, best, *n_known);
     let candidates = &problem.experiment.candidates;
+    let is_named = |order: &usize| effects.iter().any(|found| is_of(found, selected.candidate(*order)));
     let mut all: Vec<Rival> = Vec::new();
-    for order in (*n_known..surrogates.len()).filter(|&order| !surrogates[order]) {
+    for order in (*n_known..best.fit.active.len()).filter(is_named) {
         for (candidate, rival, worse_with) in single_rivals(problem, best, order) {
             let is_same = |other: usize| candidates[other].is_same(&candidates[candidate]);
             let is_known = all.iter().any(|rival| rival.order == order && is_same(rival.candidate));

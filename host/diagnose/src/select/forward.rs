@@ -111,9 +111,7 @@ fn try_candidates<P: RegressionProblem>(problem: &P, current: &Trial<P>, step: u
     let n_tried = screened.len() as f64;
     let chance = |trial: &Trial<P>| (under.reduction(current, trial).p * n_tried).min(1.0);
     let promising = screened.iter().filter(|trial| chance(trial) < 1.0);
-    // A candidate that leaves the arm without a pose somewhere is dropped, and the next one is fitted.
-    let refitted = promising.filter_map(|trial| problem.refitted(trial).ok()).take(MAX_REFITTED).collect();
-    let refitted = under.sorted(refitted);
+    let refitted = under.sorted(refit(problem, promising));
     let all = refitted.iter().map(|trial| (trial, true)).chain(screened.iter().map(|trial| (trial, false)));
     let mut steps = Vec::new();
     for (trial, refined) in all {
@@ -130,6 +128,14 @@ fn try_candidates<P: RegressionProblem>(problem: &P, current: &Trial<P>, step: u
         });
     }
     Ok(Tried { steps, refitted })
+}
+
+/// The first of these fitted in full; one that leaves the arm without a pose somewhere is dropped, and the next one is fitted.
+fn refit<'t, P: RegressionProblem>(problem: &P, trials: impl Iterator<Item = &'t Trial<P>>) -> Vec<Trial<P>>
+where
+    P: 't,
+{
+    trials.filter_map(|trial| problem.refitted(trial).ok()).take(MAX_REFITTED).collect()
 }
 
 /// Adds the steps of candidates; one that was judged by its linear fit only is left out where its candidate is there.
@@ -209,7 +215,8 @@ fn without_superfluous<P: RegressionProblem>(
 }
 
 /// What else explains the rows as well as one effect of the best model does, with the confidence that it is worse; `known`
-/// are the candidates in its place where these have been fitted already.
+/// are the candidates in its place where these have been fitted already. Some may not be significant themselves: beside a
+/// weak effect they explain the rows as well.
 ///
 /// # Errors
 ///
@@ -220,11 +227,13 @@ pub fn rivals<P: RegressionProblem>(
     effect: usize,
     known: Option<Vec<Trial<P>>>,
 ) -> Result<Vec<(Trial<P>, f64)>, P::Error> {
-    let rivals = match known {
+    let rivals = match known.filter(|known| known.len() + 1 >= MAX_REFITTED) {
         Some(rivals) => rivals,
         None => {
             let without = problem.neighbours(best).with_one_less(effect)?;
-            try_candidates(problem, &without, effect)?.refitted
+            let under = problem.under(&without);
+            let screened = under.sorted(problem.neighbours(&without).with_one_more()?);
+            under.sorted(refit(problem, screened.iter()))
         }
     };
     let judged = rivals.into_iter().map(|rival| {
