@@ -131,10 +131,7 @@ fn try_candidates<P: RegressionProblem>(problem: &P, current: &Trial<P>, step: u
 }
 
 /// The first of these fitted in full; one that leaves the arm without a pose somewhere is dropped, and the next one is fitted.
-fn refit<'t, P: RegressionProblem>(problem: &P, trials: impl Iterator<Item = &'t Trial<P>>) -> Vec<Trial<P>>
-where
-    P: 't,
-{
+fn refit<'t, P: RegressionProblem + 't>(problem: &P, trials: impl Iterator<Item = &'t Trial<P>>) -> Vec<Trial<P>> {
     trials.filter_map(|trial| problem.refitted(trial).ok()).take(MAX_REFITTED).collect()
 }
 
