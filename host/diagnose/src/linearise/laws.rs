@@ -182,7 +182,7 @@ impl Coordinate<'_> {
 
     /// What a size of one adds in each row.
     pub fn column(&self, law: &Law<f64>) -> Vec<f64> {
-        let load_rate = self.load.map(|load| rate(load, self.time_s, self.series));
+        let load_rate = self.load.map(|load| rate(load, self.time_s, self.motion));
         let mut memory = Memory::default();
         let at = |k: usize| {
             if k > 0 && self.motion[k] != self.motion[k - 1] {

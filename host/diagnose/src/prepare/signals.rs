@@ -71,7 +71,10 @@ struct AllRows {
     time_s: Vec<f64>,
     /// The stretch of each row.
     series: Vec<usize>,
+    /// Of what is predicted, which no filter carries to or from rows that are held out.
     grid: EvenGrid,
+    /// Of positions, from which it is predicted: their rates need the rows on both sides.
+    motion_grid: EvenGrid,
     fresh: Option<Vec<bool>>,
     filter: Option<(LowPass, usize)>,
 }
@@ -104,7 +107,7 @@ impl Prepared {
         let sampling = sampling::find(&mut time_s, &motions, &moving_channels(&table));
         findings.extend(sampling.sentence().map(|text| Finding::note(FindingKind::UnevenSampling, text)));
         let series = parted_by(&is_held_out, &motions);
-        let grid = EvenGrid::new(&time_s, &series, sampling.period_s);
+        let [grid, motion_grid] = [&series, &motions].map(|parts| EvenGrid::new(&time_s, parts, sampling.period_s));
         let every = decimation(how, table.lines.len(), sampling.rate_hz(), &mut findings);
         let thinned = |stretch: std::ops::Range<usize>| stretch.step_by(every);
         let mut kept: Vec<usize> = stretches(&series).into_iter().flat_map(thinned).collect();
@@ -120,7 +123,7 @@ impl Prepared {
         }
         let filter = how.lowpass_hz.map(|corner| low_pass(corner, sampling.rate_hz())).transpose()?;
         let fresh = how.interpolate.as_deref().map(|name| table.flags(name)).transpose()?;
-        let all = Arc::new(AllRows { table, time_s, series, grid, fresh, filter });
+        let all = Arc::new(AllRows { table, time_s, series, grid, motion_grid, fresh, filter });
         let data = Self {
             rows,
             time_s: Vec::new(),
@@ -188,12 +191,12 @@ impl Prepared {
     ///
     /// [`ReadError::NoColumn`]: no column holds this quantity.
     pub fn channel(&self, quantity: &str) -> Result<Vec<f64>, ReadError> {
-        Ok(self.thin(&self.full(&self.required(quantity)?, false)))
+        Ok(self.thin(&self.filtered(self.required(quantity)?.into_owned(), &self.all.grid)))
     }
 
     /// The same where there is one.
     pub fn optional(&self, quantity: &str) -> Option<Vec<f64>> {
-        self.raw(quantity).map(|numbers| self.thin(&self.full(&numbers, false)))
+        self.raw(quantity).map(|numbers| self.thin(&self.filtered(numbers.into_owned(), &self.all.grid)))
     }
 
     /// The numbers of a quantity at the kept rows as the table has them, through no low-pass; `None` where there is none.
@@ -218,8 +221,8 @@ impl Prepared {
 
     /// A channel of every row with its rates, thinned.
     pub fn rates(&self, position: Vec<f64>) -> [Vec<f64>; 3] {
-        let velocity = self.all.grid.rate(&position);
-        let acceleration = self.all.grid.rate(&velocity);
+        let velocity = self.all.motion_grid.rate(&position);
+        let acceleration = self.all.motion_grid.rate(&velocity);
         [position, velocity, acceleration].map(|channel| self.thin(&channel))
     }
 
@@ -228,7 +231,7 @@ impl Prepared {
         self.reading.numbers(&self.all.table, quantity)
     }
 
-    /// A channel of every row, interpolated when it is a posture, filtered.
+    /// Positions in every row, interpolated when they are a posture, filtered.
     pub fn full(&self, numbers: &[f64], posture: bool) -> Vec<f64> {
         let mut values = numbers.to_vec();
         if posture {
@@ -237,8 +240,12 @@ impl Prepared {
                 values = interpolated(&values, &self.all.time_s, fresh);
             }
         }
+        self.filtered(values, &self.all.motion_grid)
+    }
+
+    fn filtered(&self, mut values: Vec<f64>, grid: &EvenGrid) -> Vec<f64> {
         if let Some((filter, settle)) = &self.all.filter {
-            self.all.grid.apply(&mut values, |part| filter.smooth(part, *settle));
+            grid.apply(&mut values, |part| filter.smooth(part, *settle));
         }
         values
     }

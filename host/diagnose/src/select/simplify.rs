@@ -23,7 +23,7 @@ const SPANNED: f64 = 1e-2;
 /// Share of what laws that go together at a place take up, below which one of them is a surrogate of the others.
 const SURROGATE: f64 = 5e-3;
 /// Effects up to which each is compared with all others that could be in its place.
-pub(crate) const MAX_COMPARED: usize = 3;
+pub(crate) const MAX_COMPARED: usize = 6;
 /// Correlation of their columns from which on two laws go together.
 const TOGETHER: f64 = 0.5;
 

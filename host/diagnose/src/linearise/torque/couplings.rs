@@ -96,7 +96,7 @@ pub(super) fn couplings(
 pub(super) fn common_delay(clock: &Clock, nominal: &[f64], n: usize) -> Candidate {
     let of_joint = |joint: usize| {
         let torque: Vec<f64> = nominal.iter().skip(joint).step_by(n).copied().collect();
-        rate(&torque, &clock.time_s, &clock.series)
+        rate(&torque, &clock.time_s, &clock.motion)
     };
     let rates: Vec<Vec<f64>> = (0..n).map(of_joint).collect();
     let column = (0..nominal.len()).map(|k| -rates[k % n][k / n]).collect();
