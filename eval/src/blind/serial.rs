@@ -37,6 +37,8 @@ const LUMP: usize = 5;
 const LUMP_OFF_M: Vec3<f64> = Vec3::new(0.1, 0.05, 0.08);
 /// From here on mechanisms of the entire robot, which have sizes of their own.
 const ENTIRE: usize = 7;
+/// A joint beside its encoder, and a base that is not level.
+const MISPLACED: [usize; 2] = [ENTIRE, ENTIRE + 1];
 /// Size of what is misplaced, rad; of a delay, s; of a payload, kg, and how far off the last link's origin it is, m.
 const MISPLACED_RAD: std::ops::Range<f64> = 0.03..0.1;
 const DELAY_S: std::ops::Range<f64> = 0.01..0.04;
@@ -69,7 +71,7 @@ pub(super) fn serial(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Resul
         noise,
         norm_noise,
     );
-    let mechanisms: Vec<usize> = match class {
+    let mut mechanisms: Vec<usize> = match class {
         Class::Clean => Vec::new(),
         Class::Outside => {
             let pulled = rng.random_range(0..n);
@@ -86,8 +88,11 @@ pub(super) fn serial(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Resul
             vec![first, (first + rng.random_range(1..MECHANISMS)) % MECHANISMS]
         }
     };
+    let mut changed = Changed::new(robot, &motion, &times);
+    // What is misplaced comes first: a body that is added hangs on a robot that is so.
+    mechanisms.sort_by_key(|mechanism| !MISPLACED.contains(mechanism));
     for mechanism in mechanisms {
-        add(&mut bench, mechanism, &Changed { robot, motion: &motion, times: &times }, rng)?;
+        add(&mut bench, mechanism, &mut changed, rng)?;
     }
     let elsewhere = Swings::draw(robot, &mut ChaCha8Rng::seed_from_u64(rng.random()));
     bench.elsewhere = Some(Box::new(Motions { robot: robot.clone(), run: motion, elsewhere }));
@@ -95,22 +100,21 @@ pub(super) fn serial(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Resul
 }
 
 /// Adds a mechanism inside the list at a place that is drawn.
-fn add(bench: &mut Bench, mechanism: usize, changed: &Changed<'_>, rng: &mut ChaCha8Rng) -> Result<()> {
-    let Changed { robot, motion, times } = *changed;
-    let n = robot.joints.len();
+fn add(bench: &mut Bench, mechanism: usize, changed: &mut Changed<'_>, rng: &mut ChaCha8Rng) -> Result<()> {
+    let n = changed.robot.joints.len();
     if mechanism >= ENTIRE {
         return add_of_entire_robot(bench, mechanism, changed, rng);
     }
     if mechanism == LUMP {
         // On the first link, whose axis is upright, a lump is a heavy motor.
         let joint = rng.random_range(1..n);
-        let shape = point_mass(robot, (joint, LUMP_OFF_M), times, &|time_s| motion.at(time_s))?;
+        let shape = changed.point_mass(joint, LUMP_OFF_M)?;
         bench.add(Cause::Law(LawName::MassDistribution, Place::Link(joint)), shape, rng);
         return Ok(());
     }
     let joint = rng.random_range(0..n);
     let (law, column) = of_joint(mechanism, joint, n, &bench.given);
-    let mut shape = vec![vec![0.0; times.len()]; n];
+    let mut shape = vec![vec![0.0; column.len()]; n];
     shape[joint] = column;
     bench.add(Cause::Law(law, Place::Joint(joint)), shape, rng);
     Ok(())
@@ -118,21 +122,49 @@ fn add(bench: &mut Bench, mechanism: usize, changed: &Changed<'_>, rng: &mut Cha
 
 /// A robot in motion whose torques something changes.
 struct Changed<'a> {
+    /// As its model has it.
     robot: &'a Robot,
     motion: &'a Swings,
     times: &'a [f64],
+    /// As it hangs, and how far its joints are beside their encoders, rad.
+    tilted: Robot,
+    offsets_rad: Vec<f64>,
 }
 
-impl Changed<'_> {
-    /// What the torques of a robot, in the state at some time, are more than those of the model, joint by joint.
-    fn more(&self, at: impl Fn(f64) -> Result<Vec<f64>>) -> Result<Vec<Vec<f64>>> {
-        let rows = self.times.iter().map(|&time_s| {
-            let nominal = torques(self.robot, self.motion.at(time_s))?;
-            Ok(at(time_s)?.iter().zip(&nominal).map(|(with, without)| with - without).collect())
-        });
-        let rows = rows.collect::<Result<Vec<Vec<f64>>>>()?;
-        Ok((0..self.robot.joints.len()).map(|joint| rows.iter().map(|row| row[joint]).collect()).collect())
+impl<'a> Changed<'a> {
+    fn new(robot: &'a Robot, motion: &'a Swings, times: &'a [f64]) -> Self {
+        Self { robot, motion, times, tilted: robot.clone(), offsets_rad: vec![0.0; robot.joints.len()] }
     }
+
+    /// Where the robot really is, and how it moves.
+    fn state(&self, time_s: f64) -> [Vec<f64>; 3] {
+        let [mut q, v, a] = self.motion.at(time_s);
+        q.iter_mut().zip(&self.offsets_rad).for_each(|(q, offset)| *q += offset);
+        [q, v, a]
+    }
+
+    /// Torques of a mass of 1 kg bolted to a joint's link, `off_m` in its frame.
+    fn point_mass(&self, joint: usize, off_m: Vec3<f64>) -> Result<Vec<Vec<f64>>> {
+        point_mass(&self.tilted, (joint, off_m), self.times, &|time_s| self.state(time_s))
+    }
+
+    /// What the torques are more once this has changed, joint by joint.
+    fn by(&mut self, change: impl FnOnce(&mut Self)) -> Result<Vec<Vec<f64>>> {
+        let before = self.torques()?;
+        change(self);
+        Ok(difference(&self.torques()?, &before))
+    }
+
+    /// Torques of all rows.
+    fn torques(&self) -> Result<Vec<Vec<f64>>> {
+        self.times.iter().map(|&time_s| torques(&self.tilted, self.state(time_s))).collect()
+    }
+}
+
+/// What torques are more than others, joint by joint; both row by row.
+fn difference(with: &[Vec<f64>], without: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let rows = || with.iter().zip(without);
+    (0..with[0].len()).map(|joint| rows().map(|(with, without)| with[joint] - without[joint]).collect()).collect()
 }
 
 fn torques(robot: &Robot, [q, v, a]: [Vec<f64>; 3]) -> Result<Vec<f64>> {
@@ -140,36 +172,38 @@ fn torques(robot: &Robot, [q, v, a]: [Vec<f64>; 3]) -> Result<Vec<f64>> {
 }
 
 /// Adds a joint that is not where its encoder shows it, a base that is not level, a delay of all torques, or a payload.
-fn add_of_entire_robot(bench: &mut Bench, mechanism: usize, changed: &Changed<'_>, rng: &mut ChaCha8Rng) -> Result<()> {
-    let Changed { robot, motion, times } = *changed;
+fn add_of_entire_robot(
+    bench: &mut Bench,
+    mechanism: usize,
+    changed: &mut Changed<'_>,
+    rng: &mut ChaCha8Rng,
+) -> Result<()> {
+    let Changed { robot, motion, times, .. } = *changed;
     let n = robot.joints.len();
     let angle_rad = rng.random_range(MISPLACED_RAD) * [-1.0, 1.0][rng.random_range(0..2)];
     let (cause, shape) = match mechanism - ENTIRE {
         0 => {
             // The first axis is upright, and the last link even about its own: their offsets change no torque.
             let joint = rng.random_range(1..n - 1);
-            let shape = changed.more(|time_s| {
-                let [mut q, v, a] = motion.at(time_s);
-                q[joint] += angle_rad;
-                torques(robot, [q, v, a])
-            })?;
+            let shape = changed.by(|changed| changed.offsets_rad[joint] = angle_rad)?;
             (Cause::Law(LawName::JointOffset, Place::Joint(joint)), shape)
         }
         1 => {
             let (sin, cos) = rng.random_range(0.0..TAU).sin_cos();
-            let mut tilted = robot.clone();
-            tilted.gravity = rotation_exp(&(Vec3::new(cos, sin, 0.0) * angle_rad)).transpose() * robot.gravity;
-            let shape = changed.more(|time_s| torques(&tilted, motion.at(time_s)))?;
+            let turn = rotation_exp(&(Vec3::new(cos, sin, 0.0) * angle_rad));
+            let shape = changed.by(|changed| changed.tilted.gravity = turn.transpose() * robot.gravity)?;
             (Cause::Law(LawName::BaseTilt, Place::Base), shape)
         }
         2 => {
             let late_s = rng.random_range(DELAY_S);
-            let shape = changed.more(|time_s| torques(robot, motion.at(time_s - late_s)))?;
+            let at = |late_s: f64| times.iter().map(|time_s| torques(robot, motion.at(time_s - late_s))).collect();
+            let [late, on_time]: [Result<Vec<Vec<f64>>>; 2] = [late_s, 0.0].map(at);
+            let shape = difference(&late?, &on_time?);
             (Cause::Law(LawName::Delay, Place::AllJoints), shape)
         }
         _ => {
             let place = Vec3::new(0.0, rng.random_range(PAYLOAD_OFF_M), rng.random_range(PAYLOAD_OFF_M));
-            let of_one_kg = point_mass(robot, (n - 1, place), times, &|time_s| motion.at(time_s))?;
+            let of_one_kg = changed.point_mass(n - 1, place)?;
             let (kg, from) = (rng.random_range(PAYLOAD_KG), times.len() / 2);
             let in_half = |torques: Vec<f64>| {
                 let of_row = |(row, torque): (usize, f64)| if row < from { 0.0 } else { kg * torque };
