@@ -13,7 +13,7 @@ use darm_figures::figure::Figure;
 use xtask::setup;
 
 /// One set of data and one split of it.
-struct Case {
+pub(super) struct Case {
     set: &'static str,
     split: &'static str,
     /// Model and table in `tests/data/measured`, or in the folder of the set in DIR.
@@ -75,7 +75,7 @@ const fn plate(split: &'static str, options: &'static [&'static str]) -> Case {
 
 const MAP: &str = "position_count=pos,target_count=target,load=duty";
 
-const CASES: &[Case] = &[
+pub(super) const CASES: &[Case] = &[
     torque("A", ("tx40.toml", "tx40_joint_200hz.csv.gz"), &["--hold-out-column", "heldout"]),
     torque("B", ("tx40.toml", "tx40_joint_200hz.csv.gz"), &["--hold-out", "t >= 4.5"]),
     balls("panda_1", "panda.toml", &["--where", "robot = panda_1", "--hold-out-each", "tool_position"]),
@@ -133,21 +133,14 @@ pub(super) fn measure(folder: Option<&Path>) -> Result<Vec<Figure>> {
     let program = build()?;
     let mut figures = Vec::new();
     for case in CASES {
-        let name = format!("measured: {} {}", case.set, case.split);
+        let name = format!("measured: {}", case.name());
         let Some(data) = case.table(folder) else {
             println!("{name}: its table may not be copied; give the folder that holds {} with --data DIR", case.set);
             continue;
         };
-        let model = setup::root().join("tests/data/measured").join(case.model);
-        let mut diagnose = Command::new(&program);
-        diagnose.args(["--json", "diagnose"]).arg(&model).arg(&data).args(case.options);
         let started = Instant::now();
-        let (output, peak_mb) = run(&mut diagnose)?;
+        let (report, peak_mb) = case.diagnosed(&program, &data)?;
         let time_s = started.elapsed().as_secs_f64();
-        if !output.status.success() {
-            bail!("{name}: {}", String::from_utf8_lossy(&output.stderr));
-        }
-        let report: Value = serde_json::from_slice(&output.stdout).context("the answer is no JSON")?;
         println!("{name}\n  darm diagnose {} {} {}", case.model, case.data, quoted(case.options));
         println!("  named: {}", names(&report));
         for figure in case.figures {
@@ -177,7 +170,30 @@ fn run(command: &mut Command) -> Result<(Output, f64)> {
 }
 
 impl Case {
-    fn table(&self, folder: Option<&Path>) -> Option<PathBuf> {
+    /// The set and its split.
+    pub(super) fn name(&self) -> String {
+        format!("{} {}", self.set, self.split)
+    }
+
+    /// The answer to a table in the place of its own, and the most memory that it took, MB.
+    pub(super) fn diagnosed(&self, program: &Path, data: &Path) -> Result<(Value, f64)> {
+        let model = setup::root().join("tests/data/measured").join(self.model);
+        let mut diagnose = Command::new(program);
+        diagnose.args(["--json", "diagnose"]).arg(&model).arg(data).args(self.options);
+        let (output, peak_mb) = run(&mut diagnose)?;
+        if !output.status.success() {
+            bail!("{}: {}", self.name(), String::from_utf8_lossy(&output.stderr));
+        }
+        Ok((serde_json::from_slice(&output.stdout).context("the answer is no JSON")?, peak_mb))
+    }
+
+    /// Its held-out errors with what was found.
+    pub(super) fn errors(&self, report: &Value) -> Result<Vec<f64>> {
+        self.figures.iter().map(|figure| figure.value(report, "after")).collect()
+    }
+
+    /// Its table; `None` where that is in `folder` only and none is given.
+    pub(super) fn table(&self, folder: Option<&Path>) -> Option<PathBuf> {
         match (self.elsewhere, folder) {
             (false, _) => Some(setup::root().join("tests/data/measured").join(self.data)),
             (true, Some(folder)) => Some(folder.join(self.set).join(self.data)),
@@ -187,16 +203,26 @@ impl Case {
 }
 
 impl Report {
+    /// Where an answer has it.
+    fn pointer(&self) -> String {
+        match self {
+            Norm(..) => "norm".to_string(),
+            Axis(axis, ..) => format!("axes/{axis}"),
+        }
+    }
+
+    /// The held-out figure before or after.
+    fn value(&self, report: &Value, when: &str) -> Result<f64> {
+        let (Norm(factor, _) | Axis(_, factor, _)) = self;
+        let value = report.pointer(&format!("/error/{when}/held_out/{}/value", self.pointer()));
+        Ok(value.and_then(Value::as_f64).with_context(|| format!("no error {when}"))? * factor)
+    }
+
     /// The held-out figure after and before.
     fn of(&self, name: &str, report: &Value) -> Result<[Figure; 2]> {
-        let (pointer, factor, unit) = match self {
-            Norm(factor, unit) => ("norm".to_string(), factor, unit),
-            Axis(axis, factor, unit) => (format!("axes/{axis}"), factor, unit),
-        };
-        let number = |when: &str| {
-            let value = report.pointer(&format!("/error/{when}/held_out/{pointer}/value")).and_then(Value::as_f64);
-            value.map(|value| value * factor).with_context(|| format!("{name}: no error {when}"))
-        };
+        let (Norm(_, unit) | Axis(_, _, unit)) = self;
+        let pointer = self.pointer();
+        let number = |when: &str| self.value(report, when).with_context(|| name.to_owned());
         let axis =
             report.pointer(&format!("/error/after/held_out/{pointer}/axis")).and_then(Value::as_str).unwrap_or("norm");
         println!("  {axis}: {:.3} -> {:.3} {unit}", number("before")?, number("after")?);
@@ -222,7 +248,8 @@ fn quoted(options: &[&str]) -> String {
     options.iter().map(quote).collect::<Vec<_>>().join(" ")
 }
 
-fn build() -> Result<PathBuf> {
+/// Builds `darm`.
+pub(super) fn build() -> Result<PathBuf> {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let status =
         Command::new(cargo).current_dir(setup::root()).args(["build", "-q", "-p", "darm", "--bin", "darm"]).status()?;

@@ -8,6 +8,7 @@ mod measured;
 mod peers;
 mod reach;
 mod replan;
+mod stamps;
 mod synthesis_sweep;
 
 use std::path::PathBuf;
@@ -56,6 +57,9 @@ struct What {
     /// Real measurements: the error of each set before and after a diagnosis
     #[arg(long)]
     measured: bool,
+    /// The same sets with stamps that are off, rounded or lost, beside the sets as they are
+    #[arg(long)]
+    stamps: bool,
     /// Robot files of published packages beside Pinocchio and MuJoCo, in a virtual environment of Python that is made in
     /// this folder where it is missing
     #[arg(long, value_name = "FOLDER")]
@@ -82,6 +86,9 @@ impl Bench {
         if self.what.measured {
             figures.extend(measured::measure(self.data.as_deref())?);
         }
+        if self.what.stamps {
+            figures.extend(stamps::measure(self.data.as_deref())?);
+        }
         if self.what.peers {
             figures.extend(peers::measure()?);
         }
@@ -102,8 +109,8 @@ impl Bench {
 
     /// One measurement that is a list of items, over several processes.
     fn spread_out(&self) -> Result<()> {
-        let What { chip, image, peers, synthesis_sweep, reach, map, measured, ref foreign } = self.what;
-        let others = chip || image || peers || map || measured || foreign.is_some();
+        let What { chip, image, peers, synthesis_sweep, reach, map, measured, stamps, ref foreign } = self.what;
+        let others = chip || image || peers || map || measured || stamps || foreign.is_some();
         match (synthesis_sweep, reach) {
             (true, false) if !others => items::run(&SynthesisSweep {}, &self.spread),
             (false, true) if !others => items::run(&Reach { seed: SEED }, &self.spread),

@@ -5,6 +5,7 @@ use darm_core::real::Vec3;
 use darm_core::se::{Pose, Twist};
 use darm_diagnose::measurement::Run;
 use darm_diagnose::measurement_plan::Step;
+use darm_diagnose::prepare::sampling::usual_step_s;
 use darm_diagnose::truth::Kind;
 use rand::seq::SliceRandom;
 use rand::{Rng, RngExt};
@@ -26,7 +27,7 @@ const LOST: f64 = 0.05;
 /// How a measurement was made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum Layout {
+pub(crate) enum Layout {
     /// A measurement plan as it is made: rows held out, words repeated in a row
     Plan,
     /// No column of held-out rows
@@ -124,8 +125,9 @@ impl Layout {
     }
 
     /// What this layout makes of the stamps of signals, s; which rows are kept.
-    pub(super) fn change_stamps(self, time_s: &mut [f64], rng: &mut impl Rng) -> Vec<bool> {
-        let step_s = time_s.get(1).map_or(1.0, |second| second - time_s[0]);
+    pub(crate) fn change_stamps(self, time_s: &mut [f64], rng: &mut impl Rng) -> Vec<bool> {
+        let steps_s: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let step_s = usual_step_s(&steps_s);
         match self {
             Self::Jitter => time_s.iter_mut().for_each(|time_s| {
                 let normal = (0..12).map(|_| rng.random_range(-0.5..0.5)).sum::<f64>();

@@ -36,7 +36,7 @@ use case::Class;
 
 pub(crate) use damages::Damages;
 use judge::Mark;
-use layout::Layout;
+pub(crate) use layout::Layout;
 pub(crate) use layouts::Layouts;
 pub(crate) use mechanisms::Mechanisms;
 use robots::{Robots, Which};
