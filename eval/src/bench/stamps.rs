@@ -5,7 +5,6 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
-use clap::ValueEnum as _;
 use darm_diagnose::measurement::csv_text::csv_text;
 use darm_diagnose::measurement::table::{Names, Table};
 use darm_figures::figure::Figure;
@@ -21,41 +20,69 @@ const LAYOUTS: [Layout; 3] = [Layout::Jitter, Layout::LostRows, Layout::RoundedS
 /// The column of time.
 const TIME: &str = "t";
 
+/// An error with other stamps is as good as the clean one when it lies within this share of it.
+const AS_GOOD: f64 = 0.15;
+
+/// One set with other stamps, beside itself as it is.
+struct Comparison {
+    set: String,
+    layout: &'static str,
+    /// Of the errors the one that differs most, as a share of the clean one.
+    change: f64,
+    new_names: usize,
+}
+
 /// Runs all sets that have stamps; those that are in `folder` only are left out without it.
 pub(super) fn measure(folder: Option<&Path>) -> Result<Vec<Figure>> {
     let program = build()?;
-    let mut figures = Vec::new();
+    let mut all = Vec::new();
     for case in CASES {
         let Some(data) = case.table(folder) else { continue };
         let table = Table::read(&data, &Names::new())?.0;
         if table.columns.iter().any(|column| column.name == TIME) {
-            figures.extend(beside_clean(case, &program, (&data, &table))?);
+            all.extend(beside_clean(case, &program, (&data, &table))?);
         }
+    }
+    let mut figures = Vec::new();
+    for layout in LAYOUTS.map(name) {
+        let count =
+            |so: fn(&Comparison) -> bool| all.iter().filter(|one| one.layout == layout && so(one)).count() as f64;
+        let of = |what: &str, count: f64| Figure::new(&format!("stamps {layout}: {what}"), count, "");
+        figures.push(of("sets with an error more than 15 % off", count(|one| one.change.abs() > AS_GOOD))?);
+        figures.push(of("sets with a new name", count(|one| one.new_names > 0))?);
+    }
+    for Comparison { set, layout, change, new_names } in &all {
+        figures.push(Figure::new(&format!("{set}, {layout}: change of an error"), (1e3 * change).round() / 10.0, "%")?);
+        figures.push(Figure::new(&format!("{set}, {layout}: new names"), *new_names as f64, "")?);
     }
     Ok(figures)
 }
 
 /// One set in all layouts.
-fn beside_clean(case: &Case, program: &Path, (data, table): (&Path, &Table)) -> Result<Vec<Figure>> {
+fn beside_clean(case: &Case, program: &Path, (data, table): (&Path, &Table)) -> Result<Vec<Comparison>> {
     let clean = case.diagnosed(program, data)?.0;
-    println!("{}: {:.3?} {}", case.name(), case.errors(&clean)?, clean["verdict"]);
-    let mut figures = Vec::new();
-    for layout in LAYOUTS {
-        let value = layout.to_possible_value().context("a layout without a name")?;
+    let (clean_errors, clean_names) = (case.errors(&clean)?, names(&clean));
+    println!("{}: {clean_errors:.3?} {}", case.name(), clean["verdict"]);
+    let compared = |layout: Layout| {
         let path = written(&changed(table, layout)?)?;
         let answer = case.diagnosed(program, &path)?.0;
         std::fs::remove_file(&path)?;
-        let (errors, clean_errors) = (case.errors(&answer)?, case.errors(&clean)?);
-        let changes = errors.iter().zip(&clean_errors).map(|(error, clean)| 100.0 * (error / clean - 1.0));
-        let largest =
-            changes.fold(0.0, |largest: f64, change| if change.abs() > largest.abs() { change } else { largest });
-        let new: Vec<String> = names(&answer).difference(&names(&clean)).cloned().collect();
-        println!("  {}: {errors:.3?} {} {}", value.get_name(), answer["verdict"], new.join(", "));
-        let name = format!("stamps: {}, {}", case.name(), value.get_name());
-        figures.push(Figure::new(&format!("{name}: change of an error"), (10.0 * largest).round() / 10.0, "%")?);
-        figures.push(Figure::new(&format!("{name}: new names"), new.len() as f64, "")?);
+        let errors = case.errors(&answer)?;
+        let changes = errors.iter().zip(&clean_errors).map(|(error, clean)| error / clean - 1.0);
+        let change = changes.fold(0.0, |most: f64, change| if change.abs() > most.abs() { change } else { most });
+        let new: Vec<String> = names(&answer).difference(&clean_names).cloned().collect();
+        println!("  {}: {errors:.3?} {} {}", name(layout), answer["verdict"], new.join(", "));
+        Ok(Comparison { set: case.name(), layout: name(layout), change, new_names: new.len() })
+    };
+    LAYOUTS.into_iter().map(compared).collect()
+}
+
+fn name(layout: Layout) -> &'static str {
+    match layout {
+        Layout::Jitter => "off by jitter",
+        Layout::LostRows => "with rows lost",
+        _ => "rounded",
     }
-    Ok(figures)
 }
 
 /// Laws and places that are named.
