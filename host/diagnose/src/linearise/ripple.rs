@@ -56,7 +56,7 @@ fn winsorized(torque: &[f64], rest: &[f64], of: &[f64]) -> Vec<f64> {
     let fitted: Vec<f64> = of.iter().zip(rest).map(|(of, rest)| of - rest).collect();
     let off = torque.iter().zip(&fitted).map(|(torque, fitted)| torque - fitted);
     let far = FAR / MEDIAN_OF_NORMAL * median(off.clone().map(f64::abs)).unwrap_or_default();
-    off.zip(&fitted).map(|(off, fitted)| fitted + off.clamp(-far, far)).collect()
+    off.zip(&fitted).map(|(off, fitted)| fitted + off.max(-far).min(far)).collect()
 }
 
 fn is_peak(power: &[f64], k: usize) -> bool {
@@ -200,5 +200,6 @@ mod tests {
         let resting = Coordinate { position: &[1.0; 800], ..coordinate };
         assert!(periods_a_turn(&resting, &torque, |_| true, 2).is_empty());
         assert!(periods_a_turn(&coordinate, &torque, |_| false, 2).is_empty());
+        assert!(periods_a_turn(&coordinate, &[f64::NAN; 800], |_| true, 2).is_empty());
     }
 }

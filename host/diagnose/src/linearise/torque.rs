@@ -21,6 +21,7 @@ use crate::linearise::model_effects::{self, ModelEffect};
 use crate::linearise::ripple::periods_a_turn;
 use crate::linearise::serial_chain::site_of_joint;
 use crate::measured::Measured;
+use crate::measurement::{Finding, FindingKind};
 use crate::prepare::groups::Row;
 use crate::prepare::signals::{PrepareError, Prepared};
 use darm_robot::rigid_body::regressor::{BodyMotion, joint_regressor, link_motions, wrench_regressor};
@@ -67,7 +68,21 @@ pub(crate) fn experiment(
         _ => of_joints(data, robot)?,
     };
     let motion = Motion { payload: payload::carried(data)?, is_sample: data.is_sample(), ..motion };
-    of_motion(data.rows.clone(), robot, transmission, known, &motion)
+    let mut experiment = of_motion(data.rows.clone(), robot, transmission, known, &motion)?;
+    experiment.findings.extend(other_joints(data, n));
+    Ok(experiment)
+}
+
+/// Joints that the log has, and the model of `n` joints has not.
+fn other_joints(data: &Prepared, n: usize) -> Option<Finding> {
+    let has = |joint: &usize| ["q", "tau"].iter().all(|letter| data.raw(&format!("{letter}{joint}")).is_some());
+    let last = (n + 1..).take_while(has).last()?;
+    let joints = if last == n + 1 { format!("joint {last}") } else { format!("joints {} to {last}", n + 1) };
+    let text = format!(
+        "the log has {joints}, the model has {n} joints: torques that the others cause are missing in the prediction, and an \
+         effect may be named for them; give the model of the complete robot"
+    );
+    Some(Finding::note(FindingKind::MissingJoints, text))
 }
 
 /// What effects add to the torques of a robot along a motion, N·m or N: for each row of it one number a joint.

@@ -49,6 +49,8 @@ pub enum FindingKind {
     ConstantColumn,
     /// Columns are not read.
     UnreadColumns,
+    /// The log has joints that the model has not.
+    MissingJoints,
     /// Only one row in several is used.
     Decimated,
     /// The choice of held-out rows chooses none.

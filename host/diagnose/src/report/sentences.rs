@@ -11,7 +11,8 @@ use darm_core::effect::stroke_loss::StrokeLoss;
 use crate::judge::fitted_terms::WithTerms;
 use crate::linearise::arm_candidates::{place_name, term_name};
 use crate::outcome::{
-    self, Alternative, BeforeAfter, Diagnosis, ErrorFigure, NextMeasurement, Number, OtherReading, Value, Verdict,
+    self, Alternative, BeforeAfter, Diagnosis, ErrorFigure, NextMeasurement, Number, OtherReading, Regressor, Value,
+    Verdict,
 };
 use crate::prepare::repeatability::MIN_DOF;
 use crate::rejection::Rejection;
@@ -74,6 +75,11 @@ pub(crate) fn of_signals(diagnosis: &Diagnosis) -> Vec<String> {
         let axis = dependence.axis.as_deref().unwrap_or_default();
         let share = 100.0 * dependence.share;
         sentences.push(format!("Residual of {axis} correlates with {dependence} ({share:.0} % of its mean square)."));
+    }
+    if diagnosis.remaining.depends_on.iter().any(|dependence| dependence.regressor == Regressor::RowBefore) {
+        sentences.push(
+            "A log that was filtered as it was recorded looks the same: record it unfiltered to exclude that.".into(),
+        );
     }
     sentences.extend(outlier_sentence(diagnosis));
     sentences

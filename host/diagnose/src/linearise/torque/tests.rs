@@ -8,6 +8,7 @@ use darm_core::se::{Pose, rotation_exp};
 use darm_robot::description;
 use darm_robot::robot::{Motion, Robot};
 
+use super::experiment;
 use super::placement::Misplaced;
 use crate::diagnosis::{SignalOptions, diagnose_table};
 use crate::effect::{Law, Place, Site};
@@ -16,6 +17,7 @@ use crate::linearise::model::{Model, What};
 use crate::linearise::serial_chain::site_of_joint;
 use crate::measurement::table::{Names, Table};
 use crate::outcome::{Diagnosis, Verdict};
+use crate::prepare::signals::{Preparation, Prepared};
 
 const JOINTS: usize = 4;
 const ROWS: u32 = 240;
@@ -255,4 +257,20 @@ fn rows_that_are_far_off_make_no_wrong_log() {
         (measured, 0)
     });
     assert_eq!(found.verdict, Verdict::NoEffect, "{:?}", found.plain);
+}
+
+#[test]
+fn joints_that_only_the_log_has_are_reported() {
+    let named: Vec<String> =
+        ["q", "tau"].iter().flat_map(|letter| (1..=6).map(move |k| format!("{letter}{k}"))).collect();
+    let row = |row: u32| (0..named.len() as u32).map(|k| format!(",{}", f64::from(row * k).sin())).collect::<String>();
+    let rows: String = (0..40).map(|k| format!("{}{}\n", f64::from(k) * STEP_S, row(k))).collect();
+    let text = format!("t,{}\n{rows}", named.join(","));
+    let findings = |robot: &Robot| {
+        let table = Table::read_text(Path::new("a.csv"), text.as_bytes(), &Names::new()).unwrap().0;
+        let data = Prepared::new(table, &Preparation::default(), None).unwrap();
+        experiment(&data, robot, None, &[]).unwrap().findings
+    };
+    assert!(findings(&tx40())[0].text.starts_with("the log has joints 5 to 6, the model has 4 joints"));
+    assert_eq!(findings(&locked(&[])), []);
 }
