@@ -17,8 +17,10 @@ use crate::measurement::{Finding, FindingKind};
 use crate::prepare::repeatability;
 use crate::prepare::sampling::{Clock, usual_step_s};
 use crate::prepare::signals::{MAX_STEP, Preparation, Prepared};
+pub use crate::prepare::table_findings::UnitDoubt;
 use crate::prepare::table_findings::units;
 pub use kinds::Possible;
+pub use meaning::quantities;
 
 /// A log in brief.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -35,6 +37,9 @@ pub struct Overview {
     pub held_out: HeldOutOverview,
     /// Units that look wrong, as questions.
     pub questions: Vec<Finding>,
+    /// The same, by column and unit.
+    #[serde(skip)]
+    pub doubts: Vec<UnitDoubt>,
     /// What else its owner should know.
     pub findings: Vec<Finding>,
     /// What can be diagnosed from it; empty where no kind of measurement has its columns.
@@ -131,9 +136,20 @@ pub fn overview(path: &Path, names: &Names, how: &Preparation) -> Result<Overvie
     // A constant column is in the list of columns.
     findings.retain(|finding| !is_asked(finding) && finding.kind != FindingKind::ConstantColumn);
     let questions = questions_of(&table);
+    let doubts = table.columns.iter().filter_map(|column| UnitDoubt::of(&table, column)).collect();
     let sampling = table.quantity("time").map(|column| sampling(&column.numbers, clock));
     let possible = kinds::possible(&table, &repeats);
-    Ok(Overview { rows: table.lines.len(), columns, sampling, repeats, held_out, questions, findings, possible })
+    Ok(Overview {
+        rows: table.lines.len(),
+        columns,
+        sampling,
+        repeats,
+        held_out,
+        questions,
+        doubts,
+        findings,
+        possible,
+    })
 }
 
 /// The columns of a log whose numbers look like another unit, as questions.

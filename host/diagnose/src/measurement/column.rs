@@ -62,6 +62,12 @@ pub struct Column {
 }
 
 impl Column {
+    /// The unit of its numbers in the file, as its name ends in it; empty where the name has none.
+    pub fn file_unit(&self) -> &str {
+        let name = self.name.trim();
+        name.get(self.quantity.len()..).and_then(|end| end.strip_prefix('_')).unwrap_or_default()
+    }
+
     /// What it holds, by the name that the table of quantities has first.
     pub fn meaning(&self) -> &str {
         meaning_of(&self.quantity)
@@ -71,6 +77,11 @@ impl Column {
     pub(crate) fn in_degrees(&self) -> bool {
         self.name.to_lowercase().ends_with("_deg")
     }
+}
+
+/// Units that the name of a column can end in.
+pub fn units() -> impl Iterator<Item = &'static str> {
+    UNITS.iter().map(|(unit, ..)| *unit).filter(|unit| !unit.contains('/'))
 }
 
 /// The quantity in a column's name, the factor that brings its numbers to SI, and the unit that comes of it.

@@ -30,8 +30,22 @@ pub enum ReadError {
         /// What is wrong.
         error: LogError,
     },
-    /// A column that cannot be done without is missing.
-    #[error("{}: no column {column}; the file has {present}; rename a column so that it carries this quantity and unit", path.display())]
+    /// No column holds a quantity that cannot be done without.
+    #[error(
+        "{}: no column {column}; the file has {present}; rename a column so that it carries this quantity and unit, or give it that \
+         meaning with --column {column}=COLUMN",
+        path.display()
+    )]
+    NoQuantity {
+        /// The file.
+        path: PathBuf,
+        /// The quantity as the name of a column.
+        column: String,
+        /// The columns that there are.
+        present: String,
+    },
+    /// A column that was named is missing.
+    #[error("{}: no column {column}; the file has {present}; give the name of one of these", path.display())]
     NoColumn {
         /// The file.
         path: PathBuf,

@@ -57,7 +57,7 @@ use darm_core::se::Pose;
 use darm_core::units::Word;
 
 pub use check::check;
-pub use column::Column;
+pub use column::{Column, units};
 pub use csv::{about, write, write_table, write_text};
 pub use error::{ReadError, SelectError};
 pub use finding::{Finding, FindingKind, Severity};

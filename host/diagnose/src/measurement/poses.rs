@@ -139,7 +139,7 @@ impl<'a> Columns<'a> {
         let needed = |quantity: &str, unit: &str| {
             let end = if unit == "rad" { "deg" } else { unit };
             let column = if end.is_empty() { quantity.into() } else { format!("{quantity}_{end}") };
-            let none = ReadError::NoColumn { path: table.path.clone(), column, present: table.present() };
+            let none = ReadError::NoQuantity { path: table.path.clone(), column, present: table.present() };
             in_unit(quantity, unit).ok_or(none)
         };
         let servo = |k: usize| in_unit(&format!("servo{k}"), "rad");

@@ -162,11 +162,11 @@ impl Table {
     ///
     /// # Errors
     ///
-    /// [`ReadError::NoColumn`]: no column holds this quantity.
+    /// [`ReadError::NoQuantity`]: no column holds this quantity.
     pub fn required(&self, quantity: &str) -> Result<&Column, ReadError> {
-        self.quantity(quantity).ok_or_else(|| ReadError::NoColumn {
+        self.quantity(quantity).ok_or_else(|| ReadError::NoQuantity {
             path: self.path.clone(),
-            column: format!("{quantity} (a column can be given that meaning with --column {quantity}=COLUMN)"),
+            column: quantity.into(),
             present: self.present(),
         })
     }

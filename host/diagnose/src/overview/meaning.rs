@@ -52,6 +52,13 @@ const OTHERS: [(&str, &str); 33] = [
     ("fresh", "1 in rows with a new posture"),
 ];
 
+/// Quantities that a column can hold, with what they are: those of the first joint stand for all.
+pub fn quantities() -> impl Iterator<Item = (String, String)> {
+    let numbered = NUMBERED.iter().map(|(quantity, what)| (format!("{quantity}1"), format!("{what} 1")));
+    let others = OTHERS.iter().map(|(quantity, what)| ((*quantity).to_owned(), (*what).to_owned()));
+    others.chain([("x".to_owned(), "position of the tool, x".to_owned())]).chain(numbered)
+}
+
 /// What a column is taken for; empty where its name says nothing.
 pub(super) fn of(table: &Table, column: &Column) -> String {
     let quantity = column.quantity.as_str();

@@ -102,6 +102,7 @@ fn units_that_look_wrong_are_asked_about_with_the_option_that_corrects_them() {
         ("q1_rad", 170.0, "goes up to 170 rad: are these degrees? --column q1_deg=q1_rad reads them so"),
         ("x_m", 350.0, "goes up to 350 m: are these millimetres? --column x_mm=x_m reads them so"),
         ("p", 5.0, "goes up to 5 Pa: are these bar? --column p_bar=p reads them so"),
+        ("p_bar", 5e5, "goes up to 50000000000 Pa: are these pascal? --column p_pa=p_bar reads them so"),
         ("temp_c", 293.0, "is usually 293 °C: are these kelvin? --column temp_k=temp_c reads them so"),
         ("temp_k", 21.0, "is usually 21 K: are these degrees Celsius? --column temp_c=temp_k reads them so"),
         ("q1_deg", 1.5, "never exceeds 1.50 deg: are these radians? --column q1_rad=q1_deg reads them so"),

@@ -189,7 +189,7 @@ impl Prepared {
     ///
     /// # Errors
     ///
-    /// [`ReadError::NoColumn`]: no column holds this quantity.
+    /// [`ReadError::NoQuantity`]: no column holds this quantity.
     pub fn channel(&self, quantity: &str) -> Result<Vec<f64>, ReadError> {
         Ok(self.thin(&self.filtered(self.required(quantity)?.into_owned(), &self.all.grid)))
     }
@@ -213,7 +213,7 @@ impl Prepared {
     ///
     /// # Errors
     ///
-    /// [`ReadError::NoColumn`]: no column holds this quantity.
+    /// [`ReadError::NoQuantity`]: no column holds this quantity.
     pub fn motion(&self, quantity: &str, posture: bool) -> Result<[Vec<f64>; 3], ReadError> {
         let position = self.full(&self.required(quantity)?, posture);
         Ok(self.rates(position))

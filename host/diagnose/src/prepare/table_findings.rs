@@ -1,5 +1,7 @@
 //! What is wrong or suspicious in a table, before any of it is used.
 
+use serde::Serialize;
+
 use crate::measurement::column::Column;
 use crate::measurement::table::Table;
 use crate::measurement::{Finding, FindingKind, median};
@@ -13,6 +15,8 @@ const HALF_TURN: f64 = 3.2;
 const LARGEST_LENGTH: f64 = 10.0;
 const LARGEST_REACH: f64 = 100.0;
 const MIN_PRESSURE: f64 = 1e3;
+/// A pressure above it, Pa, which no hydraulics has, for one in pascal.
+const MAX_PRESSURE: f64 = 2e8;
 /// The median of temperatures in °C that is taken for kelvin above, and of those in K that is taken for °C below.
 const MAX_CELSIUS: f64 = 200.0;
 const MIN_KELVIN: f64 = 150.0;
@@ -71,11 +75,31 @@ pub(super) fn constant(table: &Table, findings: &mut Vec<Finding>) {
 /// Numbers that look like another unit than the one they are read in, with the option that reads them so.
 pub(crate) fn units(table: &Table, findings: &mut Vec<Finding>) {
     for column in &table.columns {
-        let Some(Doubt { found, meant, end }) = doubt(table, column) else { continue };
-        let option = format!("{}_{end}={}", column.quantity, column.name);
+        let Some(doubt) = UnitDoubt::of(table, column) else { continue };
+        let option = format!("{}_{}={}", column.quantity, doubt.unit, column.name);
         let option = if option.contains(char::is_whitespace) { format!("'{option}'") } else { option };
-        let text = format!("{} {found}: are these {meant}? --column {option} reads them so", column.name);
+        let text = format!("{}? --column {option} reads them so", doubt.question);
         findings.push(Finding::note(FindingKind::SuspectedUnit, text).in_column(&column.name));
+    }
+}
+
+/// A column whose numbers look like another unit than the one they are read in.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct UnitDoubt {
+    /// Name of the column in the file.
+    pub column: String,
+    /// Why its unit looks wrong, and which it may be: a question without its mark.
+    pub question: String,
+    /// How names of columns in that unit end.
+    pub unit: &'static str,
+}
+
+impl UnitDoubt {
+    /// `None` where the unit is plausible.
+    pub(crate) fn of(table: &Table, column: &Column) -> Option<Self> {
+        let Doubt { found, meant, end } = doubt(table, column)?;
+        let question = format!("{} {found}: are these {meant}", column.name);
+        Some(Self { column: column.name.clone(), question, unit: end })
     }
 }
 
@@ -103,6 +127,7 @@ fn doubt(table: &Table, column: &Column) -> Option<Doubt> {
             up_to("m", "millimetres", "mm")
         }
         ("pressure" | "supply", "" | "Pa") if largest > 0.0 && largest < MIN_PRESSURE => up_to("Pa", "bar", "bar"),
+        ("pressure" | "supply", "Pa") if largest > MAX_PRESSURE => up_to("Pa", "pascal", "pa"),
         ("temperature", "" | "°C") if middle > MAX_CELSIUS => usually("°C", "kelvin", "k"),
         ("temperature", "K") if middle < MIN_KELVIN => usually("K", "degrees Celsius", "c"),
         _ => None,

@@ -58,7 +58,7 @@ fn is_foreign(error: &DiagnoseError) -> bool {
 
 impl Answer for Report {
     fn text(&self) -> String {
-        let Overview { rows, columns: all, sampling, repeats, held_out, questions, findings, possible } =
+        let Overview { rows, columns: all, sampling, repeats, held_out, questions, findings, possible, .. } =
             &self.overview;
         let head = ["  column", "taken for", "unit", "numbers", "empty", "min", "max"].map(str::to_owned).to_vec();
         let table: Vec<Vec<String>> = std::iter::once(head).chain(all.iter().map(column)).collect();

@@ -69,7 +69,8 @@ fn errors_say_where_and_what() {
     let reported = |text: &str| read(text).unwrap_err().to_string();
     assert_eq!(
         reported("time_s,word,x_deg,y_m,angle_deg\n0,1,0,0,0\n"),
-        "run.csv: no column x_m; the file has time_s, word, x_deg, y_m, angle_deg; rename a column so that it carries this quantity and unit"
+        "run.csv: no column x_m; the file has time_s, word, x_deg, y_m, angle_deg; rename a column so that it carries this quantity and unit, or \
+         give it that meaning with --column x_m=COLUMN"
     );
     assert_eq!(
         reported("time_s,word,x_m,y_m,angle_deg\n0,15,0,0,0\n"),
