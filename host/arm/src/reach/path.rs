@@ -53,6 +53,8 @@ pub enum PathError {
     },
     /// Too many orders were tried.
     Unknown,
+    /// The search was given up.
+    GivenUp,
 }
 
 /// Actuators switched so far, a bit each in the order in which they differ, and how many since the last rest.
@@ -65,10 +67,24 @@ type State = (u64, u8);
 /// [`PathError::NoPose`]: one of the two words gives the arm no pose. [`PathError::Narrow`]: no order of switching
 /// keeps within the tube of `limits`. [`PathError::Unknown`]: too many orders were tried to say so.
 pub fn path(arm: &Arm, from: &Word, to: &Word, limits: &Limits) -> Result<Vec<Rest>, PathError> {
+    path_while(arm, [from, to], limits, || true)
+}
+
+/// The same between two words, for as long as `go_on` says yes: it is asked at every state.
+///
+/// # Errors
+///
+/// As [`path`]; [`PathError::GivenUp`]: `go_on` said no.
+pub fn path_while(
+    arm: &Arm,
+    [from, to]: [&Word; 2],
+    limits: &Limits,
+    go_on: impl Fn() -> bool,
+) -> Result<Vec<Rest>, PathError> {
     let differing: Vec<usize> = (0..from.len()).filter(|&k| from.digit(k) != to.digit(k)).collect();
     let mut line = Line::new(arm, from, to, limits, &differing)?;
     let at_once = limits.at_once.clamp(1, usize::from(u8::MAX));
-    let all = (1u64 << differing.len()) - 1;
+    let all = differing.iter().enumerate().fold(0, |all: u64, (bit, _)| all | 1 << bit);
     let remaining = |(mask, open): State| {
         let rest = (all & !mask).count_ones() as usize;
         let room = if open > 0 { at_once - usize::from(open) } else { 0 };
@@ -86,6 +102,9 @@ pub fn path(arm: &Arm, from: &Word, to: &Word, limits: &Limits) -> Result<Vec<Re
         }
         if best.len() > MAX_STATES {
             return Err(PathError::Unknown);
+        }
+        if !go_on() {
+            return Err(PathError::GivenUp);
         }
         let (mask, count) = state;
         let mut visit = |next: State, rests: usize, off_m: f64| {
@@ -191,6 +210,7 @@ impl fmt::Display for PathError {
                  at once",
                 1e3 * next_m
             ),
+            Self::GivenUp => write!(f, "the search was given up"),
             Self::Unknown => {
                 write!(
                     f,
@@ -205,9 +225,10 @@ impl std::error::Error for PathError {}
 
 #[cfg(test)]
 mod tests {
+    use std::cell::Cell;
     use std::path::Path;
 
-    use super::{Limits, PathError, path};
+    use super::{Limits, PathError, path, path_while};
     use crate::arm::Arm;
     use crate::reach::exact::switches;
 
@@ -234,6 +255,16 @@ mod tests {
         let limits = Limits { at_once: 1, tube_m: 1e-3, servos_rad: Vec::new() };
         let error = path(&arm(), &"000000000000".parse().unwrap(), &"111111111111".parse().unwrap(), &limits);
         assert!(matches!(error, Err(PathError::Narrow { next_m }) if next_m > 1e-3), "{error:?}");
+    }
+
+    #[test]
+    fn a_search_ends_when_it_is_given_up() {
+        let (from, to) = ("000000000000".parse().unwrap(), "111111111111".parse().unwrap());
+        let limits = Limits { at_once: 1, tube_m: 1e-3, servos_rad: Vec::new() };
+        let asked = Cell::new(0);
+        let go_on = || asked.replace(asked.get() + 1) < 10;
+        assert_eq!(path_while(&arm(), [&from, &to], &limits, go_on), Err(PathError::GivenUp));
+        assert_eq!(asked.get(), 11);
     }
 
     #[test]
