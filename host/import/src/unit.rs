@@ -103,6 +103,11 @@ impl Unit {
         UNITS.iter().chain([&COUNT]).find(|unit| unit.name == plain).copied()
     }
 
+    /// The names of all units.
+    pub fn names() -> impl Iterator<Item = &'static str> {
+        UNITS.iter().chain([&COUNT]).map(|unit| unit.name)
+    }
+
     /// The unit that the name of one of our columns ends in: `q1_deg`, `v1_rad_s`.
     pub fn of_target(target: &str) -> Option<Self> {
         let small = target.to_lowercase();

@@ -3,6 +3,7 @@
 import { get, post } from './server.js';
 import { follow } from './frame.js';
 import { byId, make, save, seconds, setText } from './format.js';
+import { Columns } from './columns.js';
 import { Zoom } from './zoom.js';
 
 const STAGES = {
@@ -15,6 +16,8 @@ const MB = 1 << 20;
 const maxBytes = Number(byId('files').dataset.maxBytes);
 let running = null;
 let result = null;
+let models = [];
+const columns = new Columns();
 
 // ---------------------------------------------------------------- files
 
@@ -22,10 +25,11 @@ const chosen = () => Object.fromEntries(INPUTS.map((id) => [id, [...byId(id).fil
 
 function showFiles() {
   const { model: [model], data: [data], more } = chosen();
+  const hasModel = Boolean(model || byId('known').value);
   const files = [model, data, ...more].filter(Boolean);
   const bytes = files.reduce((sum, file) => sum + file.size, 0);
   const isTooLarge = bytes > maxBytes;
-  const missing = !model ? 'Choose a model.' : !data ? 'Choose measurements.' : '';
+  const missing = !hasModel ? 'Choose a model.' : !data ? 'Choose measurements.' : '';
   const large = `${(bytes / MB).toFixed(1)} MB are too large: at most ${maxBytes / MB} MB; diagnose on the command line, or leave rows out.`;
   setText(byId('files-note'), isTooLarge ? large : files.length ? missing : '');
   byId('diagnose').disabled = Boolean(missing) || isTooLarge || running !== null;
@@ -43,16 +47,27 @@ function sort(files) {
   const ends = (file, ...known) => known.some((end) => file.name.toLowerCase().endsWith(end));
   const robots = files.filter((file) => ends(file, '.urdf', '.xml'));
   const tomls = files.filter((file) => ends(file, '.toml'));
-  const data = files.filter((file) => ends(file, '.csv', '.gz', '.mcap'));
+  const data = files.filter((file) => !robots.includes(file) && !tomls.includes(file));
   const [model, ...more] = [...tomls, ...robots];
   if (model) {
     assign('model', [model]);
     assign('more', more);
   }
-  if (data.length) assign('data', data.slice(0, 1));
+  if (model) byId('known').value = '';
+  if (data.length) {
+    assign('data', data.slice(0, 1));
+    columns.look(data[0]);
+  }
   showFiles();
 }
 
+// A chosen file and a model of the server exclude each other.
+byId('model').addEventListener('change', () => { if (byId('model').files.length) byId('known').value = ''; });
+byId('known').addEventListener('change', () => {
+  if (byId('known').value) assign('model', []);
+  showFiles();
+});
+byId('data').addEventListener('change', () => columns.look(byId('data').files[0] ?? null));
 for (const id of INPUTS) byId(id).addEventListener('change', showFiles);
 // A file that is dropped beside the field would replace the page.
 for (const type of ['dragover', 'drop']) window.addEventListener(type, (event) => event.preventDefault());
@@ -65,8 +80,22 @@ window.addEventListener('drop', (event) => sort([...event.dataTransfer.files]));
 function body() {
   const { model: [model], data: [data], more } = chosen();
   const named = (file) => ({ name: file.name, bytes: file.size });
-  const head = { model: named(model), data: named(data), more: more.map(named), other_model: byId('other-model').value === 'accept' };
-  return new Blob([`${JSON.stringify(head)}\n`, model, data, ...more]);
+  const given = model ? { model: named(model) } : { known: byId('known').value };
+  const head = { ...given, data: named(data), more: more.map(named), columns: columns.given(), other_model: byId('other-model').value === 'accept' };
+  return new Blob([`${JSON.stringify(head)}\n`, ...(model ? [model] : []), data, ...more]);
+}
+
+// The arm of the server, and models of its history: a corrected one too.
+async function showModels() {
+  models = await get('/api/diagnosis/models', 10_000);
+  const select = byId('known');
+  const [before, isFirst] = [select.value, select.options.length === 1];
+  const label = ({ name, number, is_served: isServed, digest }) =>
+    `${name}${number === null ? '' : `, model ${number}`}${isServed ? ' (arm of this server)' : ` (${digest.slice(0, 8)})`}`;
+  select.replaceChildren(select.options[0], ...models.map((model) => make('option', { value: model.digest }, label(model))));
+  const served = models.find((model) => model.is_served);
+  select.value = isFirst && served && !byId('model').files.length ? served.digest : before;
+  showFiles();
 }
 
 // ---------------------------------------------------------------- the diagnosis
@@ -104,8 +133,10 @@ async function diagnose() {
   try {
     show(await post('/api/diagnosis/run', body(), { signal: running.signal }));
     byId('verdict-section').focus();
+    showModels().catch(() => {});
   } catch (error) {
-    showFailure(running.signal.aborted ? 'The diagnosis was cancelled.' : error.message);
+    const former = result ? `. The result below is of ${result.model} and ${result.data}.` : '';
+    showFailure((running.signal.aborted ? 'The diagnosis was cancelled' : error.message) + former);
   }
   running = null;
   byId('progress').hidden = true;
@@ -171,10 +202,13 @@ for (const of of ['words', 'plan']) byId(of).addEventListener('click', () => mak
 byId('write').addEventListener('click', () => {
   const { name, text } = result.corrected;
   save(name, text, 'application/toml');
-  setText(byId('actions-note'), `Wrote ${name} to the downloads of this browser.`);
+  const isKept = models.some((model) => model.name === name && model.number === result.corrected.number);
+  const kept = isKept ? ' It is also among the models above, for the next diagnosis, and on the page History.' : '';
+  setText(byId('actions-note'), `Wrote ${name} to the downloads of this browser.${kept}`);
 });
 
 showFiles();
+showModels().catch(() => {});
 // The last result is there when the page is opened again.
 get('/api/diagnosis/result').then((last) => running || show(last)).catch(() => {});
 follow();

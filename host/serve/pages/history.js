@@ -85,6 +85,12 @@ function showTables(tables) {
   ]), 'No table was brought to a board yet.');
 }
 
+function showUploads(uploads) {
+  fill('uploads', uploads.map((upload) => [
+    when(upload.at_ms), upload.name, digest(upload.table), digest(upload.model), `${upload.board} ${upload.device}`,
+  ]), 'No table was uploaded yet.');
+}
+
 // A tree: each model above those that were corrected from it.
 function showModels(models, runs, diagnoses) {
   const known = new Set(models.map((model) => model.digest));
@@ -120,6 +126,7 @@ async function refresh() {
   showDiagnoses(shown.diagnoses);
   showModels(shown.models, shown.runs, shown.diagnoses);
   showTables(shown.tables);
+  showUploads(shown.uploads);
 }
 
 byId('json').addEventListener('click', () => download('/api/history/export', 'darm-history.json', 'application/json'));

@@ -50,6 +50,12 @@ class Latest {
     if (performance.now() - this.since > PATIENCE_MS) this.running.abort();
   }
 
+  // Gives up what runs; the server hears of it.
+  cancel() {
+    this.isWanted = false;
+    this.running?.abort();
+  }
+
   async run() {
     this.running = new AbortController();
     [this.since, this.isWanted] = [performance.now(), false];
@@ -186,6 +192,10 @@ function showFound(answer) {
 byId('set').addEventListener('click', () => order('/api/command', { do: 'word', word: rests[1].word }));
 byId('compare').addEventListener('change', () => search.ask());
 byId('optimise').addEventListener('change', () => search.ask());
+byId('cancel-search').addEventListener('click', () => {
+  search.cancel();
+  showFailure('The search was cancelled. Move the target to search again.');
+});
 byId('target').addEventListener('submit', (event) => event.preventDefault());
 byId('to-tool').addEventListener('click', () => {
   const { tool } = current ?? about.rest;
@@ -197,15 +207,16 @@ byId('to-tool').addEventListener('click', () => {
 async function poll() {
   for (;;) {
     await new Promise((wake) => setTimeout(wake, POLL_MS));
-    if (!search.running && !slices.running) {
+    if (!search.running && !slices.running && !orders.running) {
       showRunning(null, 'searching', 'search-progress');
-      showRunning(null, null, 'density-progress');
+      for (const bar of ['density-progress', 'order-progress']) showRunning(null, null, bar);
       continue;
     }
     try {
-      const { searching, mapping } = await get('/api/reach');
+      const { searching, mapping, ordering } = await get('/api/reach');
       showRunning(search.running && searching, 'searching', 'search-progress');
       showRunning(slices.running && mapping, 'density-note', 'density-progress');
+      showRunning(orders.running && ordering, null, 'order-progress');
     } catch {
       // The frame says that the server does not answer.
     }
@@ -251,6 +262,11 @@ function showOrder({ at_once, rests: shown }) {
 }
 
 byId('deviation').addEventListener('input', () => orders.ask());
+byId('cancel-order').addEventListener('click', () => {
+  orders.cancel();
+  showOrder({ at_once: about.at_once, rests: [] });
+  setText(byId('order-note'), 'The search for a path was cancelled.');
+});
 
 // ---------------------------------------------------------------- the density
 

@@ -26,7 +26,7 @@ macro_rules! asset {
 }
 
 /// All of them.
-pub const ASSETS: [Asset; 20] = [
+pub const ASSETS: [Asset; 21] = [
     asset!("/style.css", "text/css; charset=utf-8", "../pages/style.css"),
     asset!("/icon.svg", "image/svg+xml", "../pages/icon.svg"),
     asset!("/server.js", SCRIPT, "../pages/server.js"),
@@ -40,6 +40,7 @@ pub const ASSETS: [Asset; 20] = [
     asset!("/target.js", SCRIPT, "../pages/target.js"),
     asset!("/density.js", SCRIPT, "../pages/density.js"),
     asset!("/diagnosis.js", SCRIPT, "../pages/diagnosis.js"),
+    asset!("/columns.js", SCRIPT, "../pages/columns.js"),
     asset!("/history.js", SCRIPT, "../pages/history.js"),
     asset!("/axes.js", SCRIPT, "../pages/axes.js"),
     asset!("/zoom.js", SCRIPT, "../pages/zoom.js"),

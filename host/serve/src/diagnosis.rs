@@ -4,14 +4,19 @@
 //! |----------------------------|-----------------------------------------------------------------------------------|
 //! | `GET /api/diagnosis`       | how far the running one is, and the number of the last result                     |
 //! | `GET /api/diagnosis/result`| the last result; `null` before the first                                          |
+//! | `GET /api/diagnosis/models`| models that need not be sent                                                      |
+//! | `POST /api/diagnosis/log`  | what the measurements of an [`Upload`] have, and how they are read                |
 //! | `POST /api/diagnosis/table`| makes and opens the table of the next measurement                                 |
 //! | `POST /api/diagnosis/run`  | diagnoses an [`Upload`]; the answer is the result. Without its page it is given up |
 
+mod folder;
+mod log;
+mod models;
 mod record;
+mod sources;
 mod table;
 mod view;
 
-use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
@@ -20,9 +25,7 @@ use axum::extract::{DefaultBodyLimit, State};
 use axum::routing::{get, post};
 use axum::{Json, Router};
 use darm_diagnose::correction::Keep;
-use darm_diagnose::diagnosis::SignalOptions;
 use darm_diagnose::error::sentence;
-use darm_diagnose::files::{FileOptions, Files, FilesError, Subject};
 use darm_diagnose::progress::{Progress, Stage};
 use serde::Serialize;
 
@@ -30,17 +33,22 @@ use crate::hub::Hub;
 use crate::refusal::{Kind, Refused};
 use crate::turn::Turn;
 use crate::upload::{MAX_FILES, Upload};
+use folder::Folder;
+use log::LogView;
+use models::KnownModel;
+use sources::Sources;
 use table::{Next, TableRequest, TableView};
 use view::{Corrected, ResultView};
 
-/// Seed of the cross-validation: that of `darm diagnose`.
-const SEED: u64 = 1;
+/// File of a corrected model, in a folder that is removed.
+const NEXT: &str = "next.toml";
 
 /// The diagnoses of a server.
 struct Diagnoses {
     known: Mutex<Known>,
     hub: Arc<Hub>,
     tables: Turn,
+    logs: Turn,
 }
 
 #[derive(Default)]
@@ -81,9 +89,11 @@ pub(crate) fn router(hub: Arc<Hub>) -> Router {
     Router::new()
         .route("/api/diagnosis", get(status))
         .route("/api/diagnosis/result", get(result))
+        .route("/api/diagnosis/models", get(known_models))
         .route("/api/diagnosis/table", post(make_table))
+        .route("/api/diagnosis/log", post(look).layer(DefaultBodyLimit::max(MAX_FILES)))
         .route("/api/diagnosis/run", post(run).layer(DefaultBodyLimit::max(MAX_FILES)))
-        .with_state(Arc::new(Diagnoses { known: Mutex::default(), hub, tables: Turn::new() }))
+        .with_state(Arc::new(Diagnoses { known: Mutex::default(), hub, tables: Turn::new(), logs: Turn::new() }))
 }
 
 async fn status(State(diagnoses): Shared) -> Json<StatusView> {
@@ -101,15 +111,35 @@ async fn result(State(diagnoses): Shared) -> Json<Option<ResultView>> {
     Json(diagnoses.known().last.clone())
 }
 
+async fn known_models(State(diagnoses): Shared) -> Result<Json<Vec<KnownModel>>, Refused> {
+    models::list(&diagnoses.hub).map(Json)
+}
+
+async fn look(State(diagnoses): Shared, body: Bytes) -> Result<Json<LogView>, Refused> {
+    let view = move |_: &_| {
+        let upload = Upload::parse(&body)?;
+        let folder = Folder::new()?;
+        let data = folder.write_upload(&upload)?;
+        let view = log::view(&data, &upload.columns).map_err(|fault| folder.refusal(&fault.to_string()))?;
+        Ok(view.with_texts(|text| folder.without(text)))
+    };
+    diagnoses.logs.run(view).await.map(Json)
+}
+
 async fn run(State(diagnoses): Shared, body: Bytes) -> Result<Json<ResultView>, Refused> {
     let progress = Progress::default();
     let place = {
         let upload = Upload::parse(&body)?;
-        Place::take(&diagnoses, &upload, &progress)?
+        let sources = Sources::of(&diagnoses.hub, &upload)?;
+        Place::take(&diagnoses, sources.to_string(), &progress)?
     };
     // Dropped with this request, when the page leaves.
     let _request = GiveUp(progress.clone());
-    let work = move || place.diagnose(&Upload::parse(&body)?, &progress);
+    let work = move || {
+        let upload = Upload::parse(&body)?;
+        let sources = Sources::of(&place.0.hub, &upload)?;
+        place.diagnose(&sources, &progress)
+    };
     let result = tokio::task::spawn_blocking(work).await;
     result.map_err(|error| Refused::new(Kind::Refused, format!("the diagnosis failed: {error}")))?.map(Json)
 }
@@ -153,7 +183,7 @@ impl Diagnoses {
 struct Place(Arc<Diagnoses>);
 
 impl Place {
-    fn take(diagnoses: &Arc<Diagnoses>, upload: &Upload, progress: &Progress) -> Result<Self, Refused> {
+    fn take(diagnoses: &Arc<Diagnoses>, files: String, progress: &Progress) -> Result<Self, Refused> {
         let mut known = diagnoses.known();
         if let Some(Running { files, progress, .. }) = &known.running {
             let text = match progress.is_cancelled() {
@@ -162,35 +192,26 @@ impl Place {
             };
             return Err(Refused::new(Kind::Refused, text));
         }
-        let files = format!("{} and {}", upload.model, upload.data);
         known.running = Some(Running { files, since: Instant::now(), progress: progress.clone() });
         Ok(Self(Arc::clone(diagnoses)))
     }
 
-    fn diagnose(&self, upload: &Upload, progress: &Progress) -> Result<ResultView, Refused> {
-        let folder = tempfile::tempdir().map_err(|error| unwritable(&error))?;
-        let (model, data) = upload.write(folder.path()).map_err(|error| unwritable(&error))?;
-        let refused = |error: FilesError| Refused::new(Kind::Invalid, without(folder.path(), &sentence(&error)));
-        let how = FileOptions {
-            rows: SignalOptions { seed: SEED, progress: progress.clone(), ..SignalOptions::default() },
-            accepts_other_model: upload.accepts_other_model,
-            ..FileOptions::default()
-        };
-        let files = Files { model: &model, data: &data };
-        let found = Subject::read(&model).and_then(|subject| files.diagnose(subject, &how)).map_err(refused)?;
+    fn diagnose(&self, sources: &Sources<'_>, progress: &Progress) -> Result<ResultView, Refused> {
+        let folder = Folder::new()?;
+        let found = sources.diagnose(&folder, progress)?;
         // In the folder of the model: files that it names are named as before.
-        let next = folder.path().join("next.toml");
-        let number = found.write_corrected(&next, Keep::Effects).map_err(refused)?;
-        let text = number.map(|_| std::fs::read_to_string(&next)).transpose().map_err(|error| unwritable(&error))?;
-        let corrected = number.zip(text).map(|(number, text)| Corrected::new(&upload.model, number, text));
+        let next = folder.path().join(NEXT);
+        let number = found.write_corrected(&next, Keep::Effects).map_err(|error| folder.refusal(&sentence(&error)))?;
+        let text = number.map(|_| folder.read(NEXT)).transpose()?;
+        let corrected = number.zip(text).map(|(number, text)| Corrected::new(&sources.model, number, text));
         let corrected_arm = found.corrected_arm(Keep::Effects);
         let corrected_digest = corrected_arm.as_ref().map(|arm| arm.hash().to_string());
-        self.0.record(upload, &found, corrected.as_ref(), corrected_digest);
+        self.0.record(sources, &found, corrected.as_ref(), corrected_digest);
         let words = found.diagnosis.next_measurement.as_ref().map_or_else(Vec::new, |next| next.words.clone());
         let next = corrected_arm.or_else(|| found.arm().cloned()).map(|arm| Next { arm, words });
         let mut known = self.0.known();
         known.n_finished += 1;
-        let result = ResultView::new(upload, &found, corrected, known.n_finished);
+        let result = ResultView::new(sources, &found, corrected, known.n_finished);
         known.next = next;
         known.last = Some(result.clone());
         Ok(result)
@@ -201,16 +222,4 @@ impl Drop for Place {
     fn drop(&mut self) {
         self.0.known().running = None;
     }
-}
-
-/// The server's folder means nothing to a person: files are named as they were sent.
-fn without(folder: &Path, text: &str) -> String {
-    text.replace(&format!("{}/", folder.display()), "")
-}
-
-fn unwritable(error: &std::io::Error) -> Refused {
-    Refused::new(
-        Kind::Refused,
-        format!("the server cannot keep the files: {error}; free space in its folder for temporary files"),
-    )
 }

@@ -70,6 +70,7 @@ struct About {
     rest: Picture,
     searching: Option<RunningView>,
     mapping: Option<RunningView>,
+    ordering: Option<RunningView>,
 }
 
 async fn about(State(reach): Shared) -> Answer<Option<About>> {
@@ -84,6 +85,7 @@ async fn about(State(reach): Shared) -> Answer<Option<About>> {
         rest: Picture::of(arm, &posture).map_err(refused)?,
         searching: reach.search.running(),
         mapping: reach.map.running(),
+        ordering: reach.order.running(),
     })))
 }
 
@@ -98,9 +100,9 @@ async fn nearest_word(State(reach): Shared, Json(request): Json<NearestRequest>)
 
 async fn order_of_switching(State(reach): Shared, Json(request): Json<OrderRequest>) -> Answer<OrderView> {
     let hub = Arc::clone(&reach.hub);
-    let work = move |_: &_| {
+    let work = move |work: &_| {
         let wired = hub.wired().ok_or_else(no_arm)?;
-        request.answer(&wired.arm, wired.profile.profile.supply.new_coils)
+        request.answer(&wired.arm, wired.profile.profile.supply.new_coils, work)
     };
     reach.order.run(work).await.map(Json)
 }

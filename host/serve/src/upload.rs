@@ -4,11 +4,14 @@
 //! {"model":{"name":"arm.toml","bytes":1834},"data":{"name":"run.csv","bytes":20671},"more":[]}⏎
 //! bytes of the model, of the data, of each further file
 //! ```
+//!
+//! In place of `model` it may name one that the server has, by its digest: `"known":"8e415f3039ec8956"`. `columns` says how the
+//! columns of the data are read, where their names do not say it.
 
 use std::io;
 use std::path::{Path, PathBuf};
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use crate::refusal::{Kind, Refused};
 
@@ -21,8 +24,11 @@ const MAX_NAME: usize = 100;
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Head {
-    model: Named,
+    model: Option<Named>,
+    known: Option<String>,
     data: Named,
+    #[serde(default)]
+    columns: Vec<ReadAs>,
     #[serde(default)]
     more: Vec<Named>,
     #[serde(default)]
@@ -36,11 +42,36 @@ struct Named {
     bytes: usize,
 }
 
+/// How the numbers of a column are read.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct ReadAs {
+    /// Name of the column in the file.
+    pub column: String,
+    /// What it holds; empty of a column that is not read.
+    pub quantity: String,
+    /// The unit of its numbers; empty where it has none.
+    pub unit: String,
+}
+
+/// The model of an upload.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Model {
+    /// A file that was sent, by its name.
+    Sent(String),
+    /// One that the server has, by its digest.
+    Known(String),
+    /// None: the data are only looked at.
+    Missing,
+}
+
 /// A model, measurements, and the files that the model names.
 #[derive(Debug)]
 pub struct Upload<'a> {
-    /// Name of the model's file.
-    pub model: String,
+    /// The model.
+    pub model: Model,
+    /// How columns of the measurements are read; those that are not named are read by their names.
+    pub columns: Vec<ReadAs>,
     /// Name of the file of measurements.
     pub data: String,
     /// Whether a recording of the table of another arm is accepted.
@@ -59,10 +90,15 @@ impl<'a> Upload<'a> {
         let end = body.iter().position(|byte| *byte == b'\n').unwrap_or(body.len());
         let head: Head = serde_json::from_slice(&body[..end])
             .map_err(|error| invalid(format!("the first line does not list the files: {error}")))?;
-        let (model, data) = (head.model.name.clone(), head.data.name.clone());
+        let model = match (&head.model, head.known) {
+            (Some(model), _) => Model::Sent(model.name.clone()),
+            (None, Some(digest)) => Model::Known(digest),
+            (None, None) => Model::Missing,
+        };
+        let data = head.data.name.clone();
         let mut rest = body.get(end + 1..).unwrap_or_default();
         let mut files: Vec<(String, &[u8])> = Vec::new();
-        for Named { name, bytes } in [head.model, head.data].into_iter().chain(head.more) {
+        for Named { name, bytes } in head.model.into_iter().chain([head.data]).chain(head.more) {
             if !is_plain(&name) {
                 return Err(invalid(format!("{name:?} is not the name of a file; rename it")));
             }
@@ -80,7 +116,7 @@ impl<'a> Upload<'a> {
             rest = others;
             files.push((name, own));
         }
-        Ok(Self { model, data, accepts_other_model: head.other_model, files })
+        Ok(Self { model, columns: head.columns, data, accepts_other_model: head.other_model, files })
     }
 
     /// The bytes of a file that was sent; empty for another name.
@@ -88,16 +124,16 @@ impl<'a> Upload<'a> {
         self.files.iter().find(|(own, _)| own == name).map_or(&[], |(_, bytes)| bytes)
     }
 
-    /// Writes the files into a folder; the paths of model and measurements.
+    /// Writes the files into a folder; the path of the measurements.
     ///
     /// # Errors
     ///
     /// A file cannot be written.
-    pub fn write(&self, folder: &Path) -> io::Result<(PathBuf, PathBuf)> {
+    pub fn write(&self, folder: &Path) -> io::Result<PathBuf> {
         for (name, bytes) in &self.files {
             std::fs::write(folder.join(name), bytes)?;
         }
-        Ok((folder.join(&self.model), folder.join(&self.data)))
+        Ok(folder.join(&self.data))
     }
 }
 
@@ -121,15 +157,19 @@ fn is_plain(name: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::Upload;
+    use super::{Model, Upload};
 
     #[test]
     fn files_are_parted_by_their_lengths() {
         let body = b"{\"model\":{\"name\":\"a.toml\",\"bytes\":2},\"data\":{\"name\":\"b.csv\",\"bytes\":3}}\nAB1\n2";
         let upload = Upload::parse(body).unwrap();
         let folder = tempfile::tempdir().unwrap();
-        let (model, data) = upload.write(folder.path()).unwrap();
+        let data = upload.write(folder.path()).unwrap();
+        let model = folder.path().join("a.toml");
         assert_eq!((std::fs::read(model).unwrap(), std::fs::read(data).unwrap()), (b"AB".to_vec(), b"1\n2".to_vec()));
+        assert_eq!(upload.model, Model::Sent("a.toml".into()));
+        let known = Upload::parse(b"{\"known\":\"8e\",\"data\":{\"name\":\"b.csv\",\"bytes\":0}}\n").unwrap();
+        assert_eq!(known.model, Model::Known("8e".into()));
     }
 
     #[test]

@@ -167,17 +167,27 @@ impl Watcher {
         self.hub.set_upload(None);
         // The answer to hello names the table that the board has now.
         uploaded.and_then(|_| self.say_hello(client)).map_err(|error| self.refused(error))?;
-        self.record(program, file);
+        self.record(client, program, file);
         Ok(())
     }
 
     /// Records a table that the board has taken; that it cannot be recorded is no failure of the upload.
-    fn record(&self, program: &Program, file: &TableFile) {
+    fn record(&self, client: &Client, program: &Program, file: &TableFile) {
         let Some(history) = self.hub.history() else { return };
         let bytes = table_file::bytes(&file.image);
         let (digest, model) = (file.digest().to_string(), file.image.image().model.to_string());
         let (rows, end_s) = (program.view.rows.len(), program.view.end_s);
-        let entry = TableEntry { digest: &digest, name: &program.view.name, model: &model, rows, end_s, file: &bytes };
+        let (board, device) = (client.identity().board.to_string(), client.identity().device.to_string());
+        let entry = TableEntry {
+            digest: &digest,
+            name: &program.view.name,
+            model: &model,
+            rows,
+            end_s,
+            file: &bytes,
+            board: &board,
+            device: &device,
+        };
         if let Err(error) = history.add_table(&entry, history::now_ms()) {
             eprintln!("darm serve: the table is not recorded: {error}");
         }

@@ -5,27 +5,27 @@ use serde_json::Value;
 use sha2::{Digest as _, Sha256};
 
 use super::Diagnoses;
+use super::sources::Sources;
 use super::view::Corrected;
 use crate::history::{self, DiagnosisEntry, ModelEntry};
-use crate::upload::Upload;
 
 impl Diagnoses {
     /// Records a diagnosis, its model and the corrected one, where the server keeps a history. That it cannot be recorded is
     /// no failure of the diagnosis.
     pub(super) fn record(
         &self,
-        upload: &Upload,
+        sources: &Sources<'_>,
         found: &FileDiagnosis,
         corrected: Option<&Corrected>,
         corrected_digest: Option<String>,
     ) {
         let Some(history) = self.hub.history() else { return };
         let diagnosis = &found.diagnosis;
-        let model_bytes = upload.bytes(&upload.model);
+        let (upload, model_bytes) = (sources.upload, sources.model_bytes());
         let digest = found.arm().map_or_else(|| sha256(model_bytes), |arm| arm.hash().to_string());
         let file = String::from_utf8_lossy(model_bytes);
         let number = diagnosis.model;
-        let model = ModelEntry { digest: &digest, name: &upload.model, number, parent: None, file: &file };
+        let model = ModelEntry { digest: &digest, name: &sources.model, number, parent: None, file: &file };
         let corrected = corrected.map(|next| (next, corrected_digest.unwrap_or_else(|| sha256(next.text.as_bytes()))));
         let next = corrected.as_ref().map(|(next, own)| ModelEntry {
             digest: own,

@@ -7,7 +7,7 @@ use darm_diagnose::report::tables::{sampling_table, tables_and_plots};
 use maud::{Markup, html};
 use serde::Serialize;
 
-use crate::upload::Upload;
+use super::sources::Sources;
 
 /// Notes on rows that are listed.
 const MAX_NOTES: usize = 20;
@@ -54,12 +54,12 @@ impl Corrected {
 }
 
 impl ResultView {
-    pub(crate) fn new(upload: &Upload, found: &FileDiagnosis, corrected: Option<Corrected>, number: u64) -> Self {
+    pub(super) fn new(sources: &Sources<'_>, found: &FileDiagnosis, corrected: Option<Corrected>, number: u64) -> Self {
         let (diagnosis, arm) = (&found.diagnosis, found.arm());
         let n_words = diagnosis.next_measurement.as_ref().map_or(0, |next| next.words.len());
         Self {
-            model: upload.model.clone(),
-            data: upload.data.clone(),
+            model: sources.model.clone(),
+            data: sources.upload.data.clone(),
             verdict: diagnosis.verdict,
             html: report(diagnosis).into_string(),
             number,

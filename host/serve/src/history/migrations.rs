@@ -69,8 +69,20 @@ CREATE TABLE diagnosis (
 CREATE INDEX diagnosis_by_time ON diagnosis (at_ms);
 ";
 
+/// Version 3: uploads.
+const UPLOADS: &str = "
+CREATE TABLE upload (
+    id INTEGER PRIMARY KEY,
+    at_ms INTEGER NOT NULL,
+    arm_table TEXT NOT NULL,
+    board TEXT NOT NULL,
+    device TEXT NOT NULL
+) STRICT;
+CREATE INDEX upload_by_time ON upload (at_ms);
+";
+
 /// The steps: step k leads from version k to version k + 1.
-pub const STEPS: [&str; 2] = [RUNS, DIAGNOSES];
+pub const STEPS: [&str; 3] = [RUNS, DIAGNOSES, UPLOADS];
 
 /// Number in the file that names its program: `darm` in ASCII.
 const APPLICATION: i64 = 0x6461_726d;
@@ -112,12 +124,13 @@ mod tests {
     use crate::history::{History, HistoryError, Kind};
 
     /// Entries that a program of each version could have written.
-    const ENTRIES: [&str; 2] = [
+    const ENTRIES: [&str; 3] = [
         "INSERT INTO arm_table VALUES ('t1', 'a.darm', 'm1', 3, 1.5, 10, x'00ff');
          INSERT INTO run VALUES (7, 1000, 2000, 'finished', NULL, 3, 't1', 'm1', NULL, 'pico', 'd', 2, 40, 123);
          INSERT INTO run_event VALUES (7, 41, 0.5, 'row', 'row 0');",
         "INSERT INTO model VALUES ('m2', 'arm-2.toml', 2, 'm1', 30, 'text');
          INSERT INTO diagnosis VALUES (5, 40, 'm1', 'run.csv', 'd', 'effect-found', 'A stroke.', 'm2', '{}');",
+        "INSERT INTO upload VALUES (3, 50, 't1', 'pico', 'd');",
     ];
 
     /// A database as the program of that version has left it.
@@ -149,8 +162,8 @@ mod tests {
             let history = History::open(&path).unwrap();
             assert_eq!(schema(&history), schema(&fresh), "version {version}");
             let count = |kind| history.entries(kind, None).unwrap().len();
-            let counts = [Kind::Runs, Kind::Tables, Kind::Models, Kind::Diagnoses].map(count);
-            let expected = [1, 1, 2, 2].map(|since| usize::from(version >= since));
+            let counts = [Kind::Runs, Kind::Tables, Kind::Models, Kind::Diagnoses, Kind::Uploads].map(count);
+            let expected = [1, 1, 2, 2, 3].map(|since| usize::from(version >= since));
             assert_eq!(counts, expected, "version {version}");
             assert_eq!(history.events(7).unwrap().len(), expected[0]);
             drop(history);

@@ -21,11 +21,13 @@ pub enum Kind {
     Models,
     /// Tables that were brought to a board.
     Tables,
+    /// When they were brought there.
+    Uploads,
 }
 
 impl Kind {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Runs, Self::Diagnoses, Self::Models, Self::Tables];
+    pub const ALL: [Self; 5] = [Self::Runs, Self::Diagnoses, Self::Models, Self::Tables, Self::Uploads];
 
     /// Its name.
     pub const fn name(self) -> &'static str {
@@ -34,6 +36,7 @@ impl Kind {
             Self::Diagnoses => "diagnoses",
             Self::Models => "models",
             Self::Tables => "tables",
+            Self::Uploads => "uploads",
         }
     }
 
@@ -54,6 +57,10 @@ impl Kind {
             }
             Self::Tables => {
                 "SELECT digest, name, model, rows, end_s, seen_ms FROM arm_table ORDER BY seen_ms DESC, digest"
+            }
+            Self::Uploads => {
+                "SELECT upload.id, at_ms, arm_table AS \"table\", name, model, board, device
+                 FROM upload LEFT JOIN arm_table ON arm_table = digest ORDER BY at_ms DESC, upload.id DESC"
             }
         }
     }
@@ -108,6 +115,15 @@ impl History {
     /// The database cannot be read.
     pub fn model_file(&self, digest: &str) -> Result<Option<String>, HistoryError> {
         self.part("SELECT file FROM model WHERE digest = ?1 AND file IS NOT NULL", params![digest])
+    }
+
+    /// The name of a model.
+    ///
+    /// # Errors
+    ///
+    /// The database cannot be read.
+    pub fn model_name(&self, digest: &str) -> Result<Option<String>, HistoryError> {
+        self.part("SELECT name FROM model WHERE digest = ?1", params![digest])
     }
 
     /// The file of a table.

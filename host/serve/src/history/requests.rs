@@ -53,6 +53,7 @@ struct Newest {
     diagnoses: Vec<Value>,
     models: Vec<Value>,
     tables: Vec<Value>,
+    uploads: Vec<Value>,
 }
 
 impl Newest {
@@ -65,6 +66,7 @@ impl Newest {
             diagnoses: of(Kind::Diagnoses)?,
             models: of(Kind::Models)?,
             tables: of(Kind::Tables)?,
+            uploads: of(Kind::Uploads)?,
         })
     }
 }

@@ -46,6 +46,10 @@ pub struct TableEntry<'a> {
     pub end_s: f64,
     /// Its file.
     pub file: &'a [u8],
+    /// Kind of the board that has taken it.
+    pub board: &'a str,
+    /// Number of the device.
+    pub device: &'a str,
 }
 
 /// A model.
@@ -100,19 +104,14 @@ impl History {
         self.noted(write(&mut writer))
     }
 
-    /// Records a table that was brought to a board.
+    /// Records a table that was brought to a board, and that it was.
     ///
     /// # Errors
     ///
     /// The database cannot be written.
     pub fn add_table(&self, table: &TableEntry<'_>, now_ms: i64) -> Result<(), HistoryError> {
-        let TableEntry { digest, name, model, rows, end_s, file } = *table;
-        let written = self.writer().execute(
-            "INSERT INTO arm_table (digest, name, model, rows, end_s, seen_ms, file) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)
-             ON CONFLICT (digest) DO NOTHING",
-            params![digest, name, model, rows as i64, end_s, now_ms, file],
-        );
-        self.noted(written).map(drop)
+        let written = insert_table(&mut self.writer(), table, now_ms);
+        self.noted(written)
     }
 
     /// Records a model. A known one gets a parent that it did not have.
@@ -134,6 +133,22 @@ impl History {
         let written = insert_diagnosis(&mut self.writer(), entry, now_ms);
         self.noted(written)
     }
+}
+
+/// A table, if it is new, and its upload.
+fn insert_table(writer: &mut Connection, table: &TableEntry<'_>, now_ms: i64) -> rusqlite::Result<()> {
+    let TableEntry { digest, name, model, rows, end_s, file, board, device } = *table;
+    let transaction = writer.transaction()?;
+    transaction.execute(
+        "INSERT INTO arm_table (digest, name, model, rows, end_s, seen_ms, file) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)
+         ON CONFLICT (digest) DO NOTHING",
+        params![digest, name, model, rows as i64, end_s, now_ms, file],
+    )?;
+    transaction.execute(
+        "INSERT INTO upload (at_ms, arm_table, board, device) VALUES (?1, ?2, ?3, ?4)",
+        params![now_ms, digest, board, device],
+    )?;
+    transaction.commit()
 }
 
 /// A diagnosis and its models.

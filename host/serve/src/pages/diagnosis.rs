@@ -13,14 +13,15 @@ pub(super) fn diagnosis() -> Markup {
                 div #drop .drop {
                     p.wide { "Drop the files here together, or choose them:" }
                     div.field {
-                        label for="model" { "Model" }
-                        input #model type="file" accept=".toml,.urdf,.xml" aria-describedby="model-help";
+                        label for="known" { "Model" }
+                        select #known { option value="" { "a file that I choose" } }
+                        input #model type="file" accept=".toml,.urdf,.xml" aria-label="File of the model" aria-describedby="model-help";
                         p #model-help .note { "arm file, URDF, MJCF, or the TOML of an experiment" }
                     }
                     div.field {
                         label for="data" { "Measurements" }
-                        input #data type="file" accept=".csv,.gz,.mcap" aria-describedby="data-help";
-                        p #data-help .note { "CSV (.csv, .csv.gz) or MCAP, as of " code { "darm record" } }
+                        input #data type="file" accept=".csv,.txt,.tsv,.gz,.mcap,.mat,.npy,.npz" aria-describedby="data-help";
+                        p #data-help .note { "of " code { "darm record" } ", or of another program: CSV, MCAP of ROS 2, NumPy, MATLAB" }
                     }
                     div.field {
                         label for="more" { "Files that the model names" }
@@ -46,6 +47,7 @@ pub(super) fn diagnosis() -> Markup {
                 p { span #progress-text role="status" {} span #tried {} }
             }
         }
+        (columns())
         section #actions aria-labelledby="actions-title" hidden {
             h2 #actions-title { "Result of " span #result-files {} }
             div.buttons {
@@ -56,5 +58,28 @@ pub(super) fn diagnosis() -> Markup {
             p #actions-note .note role="status" {}
         }
         div #result {}
+    }
+}
+
+/// What the measurements have, and how they are read.
+fn columns() -> Markup {
+    html! {
+        section #log aria-labelledby="log-title" hidden {
+            h2 #log-title { "Columns of the measurements" }
+            p #log-text role="status" {}
+            ul #log-problems .problems {}
+            details #log-details {
+                summary #log-summary {}
+                p.note { "What a column holds is a quantity of the list; of joint 2 it is " code { "q2" } ", " code { "tau2" } " …. A column of no quantity is not read." }
+                div.scroll tabindex="0" role="region" aria-labelledby="log-title" {
+                    table.cards {
+                        thead { tr { @for title in ["Column", "Numbers", "In the file", "Holds", "In", "Taken for"] { th scope="col" { (title) } } } }
+                        tbody #columns {}
+                    }
+                }
+                datalist #quantities {}
+            }
+            ul #log-notes .notes {}
+        }
     }
 }

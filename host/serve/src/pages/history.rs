@@ -1,4 +1,4 @@
-//! The page of the history: runs, diagnoses, models with their lineage, tables.
+//! The page of the history: runs, diagnoses, models with their lineage, tables, uploads.
 
 use maud::{Markup, html};
 
@@ -13,7 +13,7 @@ pub(super) fn history() -> Markup {
                 p.note { "Kept in " code #file {} ". Shown are the newest 200 entries of each kind; files have all of them." }
                 div.buttons {
                     button #json type="button" { "All as JSON" }
-                    @for kind in ["runs", "diagnoses", "models", "tables"] {
+                    @for kind in ["runs", "diagnoses", "models", "tables", "uploads"] {
                         button type="button" data-csv=(kind) { (kind) " as CSV" }
                     }
                     button #refresh type="button" { "Refresh" }
@@ -32,6 +32,7 @@ pub(super) fn history() -> Markup {
                 div #lineage {}
             }
             (table("tables", "Tables", &["First seen", "Name", "Digest", "Model", "Rows", "Ends", "File"]))
+            (table("uploads", "Uploads", &["When", "Table", "Digest", "Model", "Board"]))
         }
     }
 }

@@ -65,7 +65,7 @@ fn result() -> Markup {
             h2 #nearest-title { "Nearest word" }
             p #word .phase role="status" {}
             p #searching .note {}
-            div #search-progress hidden { progress aria-label="Search" max="1" {} }
+            div #search-progress .running hidden { progress aria-label="Search" max="1" {} button #cancel-search type="button" { "Cancel the search" } }
             dl #facts .facts {}
             div.buttons {
                 button #set type="button" disabled data-needs-control data-ready="false" { "Set the arm to this word" }
@@ -85,7 +85,7 @@ fn density() -> Markup {
                 }
             }
             p #density-note .note role="status" {}
-            div #density-progress hidden { progress aria-label="Density map" max="1" {} }
+            div #density-progress .running hidden { progress aria-label="Density map" max="1" {} }
             div.scroll tabindex="0" role="region" aria-labelledby="density-title" { div #density {} }
         }
     }
@@ -102,6 +102,7 @@ fn order() -> Markup {
                 }
             }
             p #order-note .note role="status" {}
+            div #order-progress .running hidden { progress aria-label="Path" {} button #cancel-order type="button" { "Cancel the path" } }
             div.scroll tabindex="0" role="region" aria-labelledby="order-title" {
                 table {
                     thead { tr {

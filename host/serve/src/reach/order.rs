@@ -1,11 +1,12 @@
 //! An order of switching between two words that keeps the tool near the straight line.
 
 use darm_arm::arm::Arm;
-use darm_arm::reach::path::{Limits, Rest, path};
+use darm_arm::reach::path::{Limits, Rest, path_while};
 use serde::{Deserialize, Serialize};
 
 use super::check::{MAX_M, checked_servos, invalid, refused, word};
 use crate::refusal::Refused;
+use crate::turn::Work;
 
 /// Two words.
 #[derive(Debug, Deserialize)]
@@ -34,7 +35,7 @@ struct RestView {
 
 impl OrderRequest {
     /// Searches for an order that switches at most this many actuators at once.
-    pub(super) fn answer(&self, arm: &Arm, at_once: u8) -> Result<OrderView, Refused> {
+    pub(super) fn answer(&self, arm: &Arm, at_once: u8, work: &Work) -> Result<OrderView, Refused> {
         checked_servos(arm, &self.servos_rad)?;
         let (from, to) = (word(arm, &self.from)?, word(arm, &self.to)?);
         let tube_m = self.deviation_m.unwrap_or(MAX_M);
@@ -42,7 +43,8 @@ impl OrderRequest {
             return Err(invalid("the deviation must be at least 0 mm"));
         }
         let limits = Limits { at_once: at_once.max(1).into(), tube_m, servos_rad: self.servos_rad.clone() };
-        let rests = path(arm, &from, &to, &limits).map_err(refused)?;
+        work.is_at("path", 0.0);
+        let rests = path_while(arm, [&from, &to], &limits, || work.is_wanted()).map_err(refused)?;
         Ok(OrderView { at_once: at_once.max(1), rests: rests.iter().map(RestView::of).collect() })
     }
 }

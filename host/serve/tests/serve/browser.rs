@@ -83,3 +83,29 @@ fn lose_the_board(browser: &Browser, bench: &Bench) {
     bench.plug(true);
     browser.wait("document.body.dataset.link === 'live'");
 }
+
+#[test]
+fn two_pages_agree_on_who_controls() {
+    let Some(browser) = Browser::start(WIDTH) else { return };
+    let bench = Bench::start("planar4.toml");
+    let address = format!("http://{}/", bench.address());
+    let holder = |text: &str| format!("document.querySelector('#holder').textContent === '{text}'");
+    browser.open(&address);
+    browser.wait(&holder("no page controls"));
+    browser.click("#take");
+    browser.wait(&holder("this page controls"));
+    let number = bench.get("/api/live")["control"].as_u64().unwrap();
+    let first = browser.other_window(&address);
+    browser.wait(&holder(&format!("page {number} controls")));
+    assert_eq!(browser.value("document.querySelector('#take').disabled"), true);
+    browser.to_window(&first);
+    browser.click("#take");
+    browser.wait(&holder("no page controls"));
+    let second = browser.other_window(&address);
+    assert_eq!(second, first);
+    browser.click("#take");
+    browser.wait(&holder("this page controls"));
+    let number = bench.get("/api/live")["control"].as_u64().unwrap();
+    browser.to_window(&first);
+    browser.wait(&holder(&format!("page {number} controls")));
+}

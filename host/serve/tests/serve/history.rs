@@ -35,6 +35,8 @@ fn what_was_seen_is_listed_and_exported() {
     assert_eq!((kinds.first(), kinds.last()), (Some(&"started"), Some(&"finished")));
     let table = request(bench.address(), "GET", &format!("/api/history/table?digest={digest}"), &[], b"");
     assert_eq!(table.body, bench.table(&["000010000000", "101000000000"], 0.05));
+    let upload = &history["uploads"][0];
+    assert_eq!((upload["table"].as_str(), &upload["device"]), (Some(digest.as_str()), &run["device"]), "{upload}");
     lineage(&bench, &history);
     let export = bench.get("/api/history/export");
     assert_eq!(export["entries"]["runs"][0]["events"], events);

@@ -9,6 +9,7 @@ mod diagnosis;
 mod history;
 mod http;
 mod live;
+mod logs;
 mod moves;
 mod reach;
 mod table;

@@ -77,6 +77,19 @@ impl Browser {
         self.send("POST", "/url", &json!({ "url": url }));
     }
 
+    /// Opens another window and goes there; the handle of the one before.
+    pub(crate) fn other_window(&self, url: &str) -> String {
+        let before = self.send("GET", "/window", &Value::Null);
+        let new = self.send("POST", "/window/new", &json!({"type": "window"}));
+        self.to_window(new["handle"].as_str().unwrap());
+        self.open(url);
+        before.as_str().unwrap().to_owned()
+    }
+
+    pub(crate) fn to_window(&self, handle: &str) {
+        self.send("POST", "/window", &json!({ "handle": handle }));
+    }
+
     /// The value of an expression in the page.
     pub(crate) fn value(&self, expression: &str) -> Value {
         self.send("POST", "/execute/sync", &json!({"script": format!("return {expression};"), "args": []}))

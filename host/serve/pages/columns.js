@@ -1,0 +1,113 @@
+// What the measurements have: how their columns are read, and how they can be read otherwise.
+
+import { post } from './server.js';
+import { byId, make, setText } from './format.js';
+
+const number = (value) => String(Number(value.toPrecision(6)));
+
+export class Columns {
+  constructor() {
+    this.file = null;
+    this.shown = null;
+    this.isEdited = false;
+    this.asking = null;
+  }
+
+  // Looks into a file; `null` where there is none.
+  look(file) {
+    [this.file, this.shown, this.isEdited] = [file, null, false];
+    byId('log').hidden = !file;
+    byId('columns').replaceChildren();
+    if (file) this.ask();
+  }
+
+  // How the columns are read, where their names do not say it.
+  given() {
+    return this.shown && (this.shown.is_converted || this.isEdited) ? this.fields() : [];
+  }
+
+  fields() {
+    return [...byId('columns').rows].map((row) => ({
+      column: row.dataset.column, quantity: row.querySelector('input').value.trim().toLowerCase(), unit: row.querySelector('select').value,
+    }));
+  }
+
+  async ask() {
+    this.asking?.abort();
+    const asking = new AbortController();
+    this.asking = asking;
+    const head = { data: { name: this.file.name, bytes: this.file.size }, columns: this.isEdited ? this.fields() : [] };
+    setText(byId('log-text'), 'Reading the file …');
+    try {
+      const view = await post('/api/diagnosis/log', new Blob([`${JSON.stringify(head)}\n`, this.file]), { signal: asking.signal });
+      if (this.asking === asking) this.show(view);
+    } catch (error) {
+      if (asking.signal.aborted) return;
+      this.shown = null;
+      byId('log-details').hidden = true;
+      for (const id of ['log-problems', 'log-notes']) byId(id).replaceChildren();
+      setText(byId('log-text'), error.message);
+    }
+  }
+
+  show(view) {
+    const isFirst = this.shown === null;
+    this.shown = view;
+    byId('log-details').hidden = false;
+    const source = view.is_converted ? ', a recording of another program that is converted' : '';
+    const kinds = view.possible.map((one) => `${one.kind} with ${one.model}`).join(', ');
+    const how = view.problem ? `${view.problem}.` : kinds ? `It can be diagnosed as ${kinds}.` : '';
+    const missing = view.missing.length
+      ? `For the diagnosis of an arm ${view.missing.join(', ')} ${view.missing.length > 1 ? 'are' : 'is'} missing: choose below which column holds ${view.missing.length > 1 ? 'them' : 'it'}.` : '';
+    setText(byId('log-text'), `${view.n_rows} rows${source}. ${how} ${missing}`);
+    byId('log-problems').replaceChildren(...view.doubts.map((doubt) => this.doubt(doubt)));
+    const better = view.possible.flatMap((one) => one.missing.map((what) => `Better with ${what}.`));
+    byId('log-notes').replaceChildren(...[...better, ...view.notes].map((note) => make('li', {}, note)));
+    const unknown = view.columns.filter((column) => !column.meaning).length;
+    setText(byId('log-summary'), `${view.columns.length} columns${unknown ? `, ${unknown} of them of unknown meaning` : ''}`);
+    if (isFirst) this.fill(view);
+    else view.columns.forEach((column, index) => setText(byId('columns').rows[index].lastElementChild, column.meaning || '?'));
+  }
+
+  doubt({ column, question, unit }) {
+    const button = make('button', { type: 'button', className: 'small' }, `Read ${column} in ${unit}`);
+    button.addEventListener('click', () => {
+      const row = [...byId('columns').rows].find((one) => one.dataset.column === column);
+      row.querySelector('select').value = unit;
+      this.edited();
+    });
+    return make('li', {}, `${question} `, button);
+  }
+
+  fill(view) {
+    byId('log-details').open = view.possible.length === 0 || view.problem !== null;
+    byId('quantities').replaceChildren(...view.quantities.map(([value, label]) => make('option', { value, label })));
+    byId('columns').replaceChildren(...view.columns.map((column) => this.row(column, view.units)));
+  }
+
+  row(column, units) {
+    const titles = [...byId('columns').closest('table').querySelectorAll('th')].map((th) => th.textContent);
+    const holds = make('input', { value: column.quantity, ariaLabel: `${column.column} holds` });
+    holds.setAttribute('list', 'quantities');
+    const known = units.includes(column.unit) || !column.unit ? units : [...units, column.unit];
+    const unit = make('select', { ariaLabel: `Unit of ${column.column}` },
+      make('option', { value: '' }, 'no unit'), ...known.map((name) => make('option', { value: name }, name)));
+    unit.value = column.unit;
+    for (const field of [holds, unit]) field.addEventListener('change', () => this.edited());
+    const numbers = column.others ? `${column.numbers}, ${column.others} others` : String(column.numbers);
+    const range = column.range ? column.range.map(number).join(' to ') : column.example;
+    const cells = [make('code', {}, column.column), numbers, range, holds, unit, column.meaning || '?'];
+    const row = make('tr', {}, ...cells.map((content, index) => {
+      const cell = make('td', {}, content);
+      cell.dataset.title = titles[index];
+      return cell;
+    }));
+    row.dataset.column = column.column;
+    return row;
+  }
+
+  edited() {
+    this.isEdited = true;
+    this.ask();
+  }
+}

@@ -1,0 +1,377 @@
+//! What a log has before it is diagnosed, how its columns are read, and how they can be read otherwise.
+//!
+//! A log with names as `darm record` writes them is diagnosed as it is, with other names for some of its columns. A recording of
+//! another program is converted first, as `darm import` does.
+
+use std::path::{Path, PathBuf};
+
+use darm_diagnose::error::DiagnoseError;
+use darm_diagnose::measurement::origin::Origin;
+use darm_diagnose::measurement::poses::{self, Which};
+use darm_diagnose::measurement::table::{Names, Table};
+use darm_diagnose::measurement::{self, Finding, FindingKind, ReadError, about};
+use darm_diagnose::overview::{self, Overview, Possible};
+use darm_diagnose::prepare::signals::Preparation;
+use darm_import::mapping::{Entry, Mapping, Scale};
+use darm_import::read::Dialect;
+use darm_import::unit::{self, Unit};
+use darm_import::{ImportError, Recording, proposal, table};
+use serde::Serialize;
+
+use crate::upload::ReadAs;
+
+/// Quantities that a diagnosis of an arm needs.
+const NEEDED: [&str; 4] = ["time", "word", "x", "y"];
+/// The orientation of a tool in the plane, and in space.
+const ORIENTATION: [&[&str]; 2] = [&["angle"], &["z", "rx", "ry", "rz"]];
+/// Notes that are shown.
+const MAX_NOTES: usize = 8;
+
+/// What a page shows of a log.
+#[derive(Debug, Serialize)]
+pub(super) struct LogView {
+    n_rows: usize,
+    /// Whether it is a recording of another program, which is converted.
+    is_converted: bool,
+    columns: Vec<ColumnView>,
+    /// Units that look wrong.
+    doubts: Vec<DoubtView>,
+    possible: Vec<Possible>,
+    /// Quantities that are missing for the diagnosis of an arm.
+    missing: Vec<&'static str>,
+    notes: Vec<String>,
+    /// Why it cannot be diagnosed as it is read.
+    problem: Option<String>,
+    /// What a column can hold, and in which units.
+    quantities: Vec<(String, String)>,
+    units: Vec<&'static str>,
+}
+
+/// A column of the file.
+#[derive(Debug, Serialize)]
+struct ColumnView {
+    /// As it is read.
+    #[serde(flatten)]
+    read_as: ReadAs,
+    /// What it is taken for; empty where that is unknown.
+    meaning: String,
+    /// Number of cells with a number.
+    numbers: usize,
+    /// Number of cells without one.
+    others: usize,
+    /// The smallest and largest number of the file.
+    range: Option<[f64; 2]>,
+    /// The first cell.
+    example: String,
+}
+
+/// A unit that looks wrong.
+#[derive(Debug, Serialize)]
+struct DoubtView {
+    /// Name of the column in the file.
+    column: String,
+    question: String,
+    /// The unit that it may be.
+    unit: &'static str,
+}
+
+/// Who reads a file.
+enum Reader {
+    Own(Box<Table>),
+    Import(Box<Recording>),
+}
+
+/// A file as it is diagnosed.
+pub(super) struct Readable {
+    pub(super) data: PathBuf,
+    pub(super) names: Names,
+    notes: Vec<String>,
+}
+
+/// A log as its columns are read.
+struct Read {
+    overview: Option<Overview>,
+    notes: Vec<String>,
+    /// Why it cannot be diagnosed.
+    problem: Option<String>,
+}
+
+/// Why a log cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum LogFault {
+    #[error(transparent)]
+    Import(#[from] ImportError),
+    #[error("{0}: no unit; choose one of the list")]
+    Unit(String),
+    #[error("two columns are read as {0}; choose what one of them is not to be")]
+    Twice(String),
+    #[error("{}: {error}", path.display())]
+    Write { path: PathBuf, error: std::io::Error },
+}
+
+impl LogView {
+    /// The same with its sentences changed.
+    pub(super) fn with_texts(mut self, change: impl Fn(&str) -> String) -> Self {
+        self.problem.iter_mut().chain(&mut self.notes).for_each(|text| *text = change(text));
+        self
+    }
+}
+
+/// What is in a log, with its columns read as `given`, or as their names say where nothing is given.
+pub(super) fn view(data: &Path, given: &[ReadAs]) -> Result<LogView, LogFault> {
+    let reader = Reader::of(data)?;
+    let columns = if given.is_empty() { reader.proposed() } else { reader.completed(given) };
+    let Read { overview, mut notes, problem } = reader.overview(data, &columns);
+    notes.extend(
+        overview.iter().flat_map(|overview| overview.findings.iter().filter(is_of_rows).map(ToString::to_string)),
+    );
+    notes.truncate(MAX_NOTES);
+    let possible = overview.as_ref().map_or_else(Vec::new, |overview| overview.possible.clone());
+    Ok(LogView {
+        n_rows: reader.n_rows(),
+        is_converted: matches!(reader, Reader::Import(_)),
+        doubts: overview.as_ref().map_or_else(Vec::new, |overview| doubts(overview, &columns)),
+        missing: if possible.is_empty() { missing(&columns) } else { Vec::new() },
+        columns: columns.iter().map(|read_as| reader.column(read_as, overview.as_ref())).collect(),
+        problem: problem.filter(|_| !possible.is_empty() || overview.is_none()),
+        possible,
+        notes,
+        quantities: overview::quantities().collect(),
+        units: reader.units(),
+    })
+}
+
+/// Whether a finding is no error of the columns, which is the problem of the log.
+fn is_of_rows(finding: &&Finding) -> bool {
+    finding.kind != FindingKind::RowDoesNotFitArm || finding.line.is_some()
+}
+
+/// The file that is diagnosed, with its columns read as `given`.
+pub(super) fn readable(data: &Path, given: &[ReadAs]) -> Result<Readable, LogFault> {
+    if given.is_empty() {
+        return Ok(Readable { data: data.into(), names: Names::new(), notes: Vec::new() });
+    }
+    let reader = Reader::of(data)?;
+    reader.readable(data, &reader.completed(given))
+}
+
+/// What is wrong with a log, without the options of the command line.
+pub(super) fn without_option(error: &DiagnoseError) -> String {
+    match error {
+        DiagnoseError::Read(ReadError::NoQuantity { path, column, .. }) => no_quantity(path, column),
+        error => darm_diagnose::error::sentence(error),
+    }
+}
+
+/// The sentence that a quantity is missing, for a page.
+pub(super) fn no_quantity(path: &Path, column: &str) -> String {
+    format!(
+        "{}: no column is read as {column}; choose what a column holds, and its unit, under `Columns of the measurements`",
+        path.display()
+    )
+}
+
+impl Reader {
+    fn of(data: &Path) -> Result<Self, LogFault> {
+        let own = Table::read(data, &Names::new()).map(|(table, _)| table);
+        match own {
+            Ok(table) if is_own(data) => Ok(Self::Own(Box::new(table))),
+            own => match (darm_import::read(data, Dialect::default()), own) {
+                (Ok(recording), _) => Ok(Self::Import(Box::new(recording))),
+                (Err(_), Ok(table)) => Ok(Self::Own(Box::new(table))),
+                (Err(error), Err(_)) => Err(error.into()),
+            },
+        }
+    }
+
+    fn n_rows(&self) -> usize {
+        match self {
+            Self::Own(table) => table.lines.len(),
+            Self::Import(recording) => recording.parts.iter().map(|part| part.n_rows()).max().unwrap_or(0),
+        }
+    }
+
+    fn units(&self) -> Vec<&'static str> {
+        match self {
+            Self::Own(_) => measurement::units().collect(),
+            Self::Import(_) => Unit::names().collect(),
+        }
+    }
+
+    /// What the names of the columns say.
+    fn proposed(&self) -> Vec<ReadAs> {
+        match self {
+            Self::Own(table) => {
+                let read_as = |column: &measurement::Column| {
+                    let (quantity, unit) = (column.quantity.clone(), column.file_unit().to_lowercase());
+                    ReadAs { column: column.name.clone(), quantity, unit }
+                };
+                table.columns.iter().map(read_as).collect()
+            }
+            Self::Import(recording) => {
+                let mapping = proposal::propose(recording, &[]);
+                mapping.entries.iter().map(|entry| proposed_by(entry, &mapping, recording)).collect()
+            }
+        }
+    }
+
+    /// `given`, and what is proposed for the columns that it leaves out.
+    fn completed(&self, given: &[ReadAs]) -> Vec<ReadAs> {
+        let by_name = |own: ReadAs| given.iter().find(|given| given.column == own.column).cloned().unwrap_or(own);
+        self.proposed().into_iter().map(by_name).collect()
+    }
+
+    fn readable(&self, data: &Path, columns: &[ReadAs]) -> Result<Readable, LogFault> {
+        let recording = match self {
+            Self::Own(table) => {
+                let changed = || columns.iter().zip(&table.columns).filter(|(read_as, own)| !is_own_name(read_as, own));
+                if let Some((twice, _)) = changed().find(|(read_as, _)| is_twice(read_as, columns)) {
+                    return Err(LogFault::Twice(twice.quantity.clone()));
+                }
+                let names = changed().map(|(read_as, own)| (name(read_as), own.name.clone())).collect();
+                return Ok(Readable { data: data.into(), names, notes: Vec::new() });
+            }
+            Self::Import(recording) => recording,
+        };
+        let entries = columns.iter().filter(|column| !column.quantity.is_empty()).map(entry);
+        let mapping = Mapping { entries: entries.collect::<Result<_, _>>()?, units: Vec::new() };
+        let converted = table::Table::new(std::slice::from_ref(&**recording), &mapping)?;
+        let path = data.with_extension("converted.csv");
+        std::fs::write(&path, converted.text()).map_err(|error| LogFault::Write { path: path.clone(), error })?;
+        Ok(Readable { data: path, names: Names::new(), notes: converted.notes })
+    }
+
+    fn overview(&self, data: &Path, columns: &[ReadAs]) -> Read {
+        let nothing = |notes, problem| Read { overview: None, notes, problem: Some(problem) };
+        let Readable { data, names, notes } = match self.readable(data, columns) {
+            Ok(readable) => readable,
+            Err(fault) => return nothing(Vec::new(), fault.to_string()),
+        };
+        let overview = match overview::overview(&data, &names, &Preparation::default()) {
+            Ok(overview) => overview,
+            Err(error) => return nothing(notes, without_option(&error)),
+        };
+        let is_of_words = columns.iter().any(|column| column.quantity == "word");
+        let visits = is_of_words.then(|| poses::read(&data, &names, &Which::default()));
+        let problem = visits.and_then(Result::err).map(|error| without_option(&error.into()));
+        Read { overview: Some(overview), notes, problem }
+    }
+
+    fn column(&self, read_as: &ReadAs, overview: Option<&Overview>) -> ColumnView {
+        let named = |name: &str| overview?.columns.iter().find(|column| column.name == name).map(|c| c.meaning.clone());
+        let (numbers, example, name): (Vec<f64>, String, String) = match self {
+            Self::Own(table) => {
+                let column = table.column(&read_as.column);
+                let words = column.map_or(&[][..], |column| &column.words);
+                let numbers = words.iter().map(|word| word.parse().unwrap_or(f64::NAN)).collect();
+                (numbers, words.first().cloned().unwrap_or_default(), read_as.column.clone())
+            }
+            Self::Import(recording) => {
+                let mut all = recording.parts.iter().flat_map(|part| &part.columns);
+                let column = all.find(|column| column.name == read_as.column);
+                let first = column.and_then(|column| column.texts.first().cloned());
+                (
+                    column.map_or_else(Vec::new, |column| column.numbers.clone()),
+                    first.unwrap_or_default(),
+                    target(read_as),
+                )
+            }
+        };
+        let finite = || numbers.iter().copied().filter(|number| number.is_finite());
+        let is_word = ["word", "previous"].contains(&read_as.quantity.as_str());
+        let range = finite().reduce(f64::min).zip(finite().reduce(f64::max)).filter(|_| !is_word);
+        ColumnView {
+            read_as: read_as.clone(),
+            meaning: named(&name).unwrap_or_default(),
+            numbers: finite().count(),
+            others: numbers.len() - finite().count(),
+            range: range.map(|(low, high)| [low, high]),
+            example,
+        }
+    }
+}
+
+/// Whether a file is one of `darm record`, or has all columns for a diagnosis under their own names.
+fn is_own(data: &Path) -> bool {
+    let origin = about(data).is_ok_and(|about| Origin::find(&about).is_some());
+    let has_all =
+        || overview::overview(data, &Names::new(), &Preparation::default()).is_ok_and(|o| !o.possible.is_empty());
+    origin || has_all()
+}
+
+/// How a mapping reads a column.
+fn proposed_by(entry: &Entry, mapping: &Mapping, recording: &Recording) -> ReadAs {
+    let column = recording.parts.iter().flat_map(|part| &part.columns).find(|column| column.name == entry.source);
+    let of_file = || column.and_then(|column| mapping.unit_of(column));
+    let target = Unit::of_target(&entry.target);
+    let unit = match entry.scale {
+        Scale::In(unit) => Some(unit),
+        _ => of_file().or(target),
+    };
+    let quantity = target.map_or(entry.target.as_str(), |_| unit::split(&entry.target).0);
+    // A text keeps its name.
+    let unit = unit.filter(|_| column.is_some_and(darm_import::Column::is_numeric) && target.is_some());
+    ReadAs {
+        column: entry.source.clone(),
+        quantity: quantity.to_lowercase(),
+        unit: unit.map_or_else(String::new, |u| u.name.into()),
+    }
+}
+
+/// The name of the column that a column is converted to.
+fn target(read_as: &ReadAs) -> String {
+    match Unit::named(&read_as.unit) {
+        Some(unit) => format!("{}_{}", read_as.quantity, unit.written().name),
+        None => read_as.quantity.clone(),
+    }
+}
+
+fn entry(read_as: &ReadAs) -> Result<Entry, LogFault> {
+    let unit = Some(&read_as.unit).filter(|unit| !unit.is_empty());
+    let unit = unit.map(|name| Unit::named(name).ok_or_else(|| LogFault::Unit(name.clone()))).transpose()?;
+    let (source, origin) = (read_as.column.clone(), format!("column {}", read_as.column));
+    Ok(Entry { target: target(read_as), source, scale: unit.map_or(Scale::OfFile, Scale::In), origin })
+}
+
+/// Whether a column of ours is read as its name says.
+fn is_own_name(read_as: &ReadAs, own: &measurement::Column) -> bool {
+    read_as.quantity == own.quantity && read_as.unit == own.file_unit().to_lowercase()
+}
+
+/// Whether another column is read as the same quantity.
+fn is_twice(read_as: &ReadAs, columns: &[ReadAs]) -> bool {
+    let alike = columns.iter().filter(|column| column.quantity == read_as.quantity).count();
+    !read_as.quantity.is_empty() && alike > 1
+}
+
+/// The name that a column of ours is given: one of no quantity where it is not read.
+fn name(read_as: &ReadAs) -> String {
+    let ReadAs { column, quantity, unit } = read_as;
+    match (quantity.is_empty(), unit.is_empty()) {
+        (true, _) => format!("{column}, not read"),
+        (false, true) => quantity.clone(),
+        (false, false) => format!("{quantity}_{unit}"),
+    }
+}
+
+/// Units that look wrong, by the names of the columns in the file.
+fn doubts(overview: &Overview, columns: &[ReadAs]) -> Vec<DoubtView> {
+    let source = |name: &str| columns.iter().find(|column| column.column == name || target(column) == name);
+    let view = |doubt: &overview::UnitDoubt| {
+        let column = source(&doubt.column)?.column.clone();
+        Some(DoubtView { column, question: format!("{}?", doubt.question), unit: doubt.unit })
+    };
+    overview.doubts.iter().filter_map(view).collect()
+}
+
+/// Quantities that no column is read as, of those that the diagnosis of an arm needs.
+fn missing(columns: &[ReadAs]) -> Vec<&'static str> {
+    let is_read = |quantity: &&str| {
+        let is_it =
+            |own: &str| own.eq_ignore_ascii_case(quantity) || *quantity == "time" && own.eq_ignore_ascii_case("t");
+        columns.iter().any(|column| is_it(&column.quantity))
+    };
+    let [planar, spatial] = ORIENTATION;
+    let orientation = if spatial.iter().any(is_read) { spatial } else { planar };
+    NEEDED.iter().chain(orientation).filter(|quantity| !is_read(quantity)).copied().collect()
+}

@@ -1,0 +1,75 @@
+//! Models that a page need not send: the arm of the server, and those of its history.
+
+use darm_arm::arm::Arm;
+use serde::Serialize;
+use serde_json::Value;
+
+use crate::history::Kind as Entry;
+use crate::hub::Hub;
+use crate::refusal::{Kind, Refused};
+
+/// Models of the history that are offered, the newest.
+const MAX_MODELS: u32 = 50;
+
+/// A model that the server has.
+#[derive(Debug, Serialize)]
+pub(super) struct KnownModel {
+    digest: String,
+    /// Name of its file.
+    name: String,
+    number: Option<u64>,
+    /// It is the arm that the server was started with.
+    is_served: bool,
+}
+
+/// A model's file.
+pub(super) struct ModelText {
+    pub(super) name: String,
+    pub(super) text: String,
+}
+
+/// The arm of the server first, then the newest of the history.
+pub(super) fn list(hub: &Hub) -> Result<Vec<KnownModel>, Refused> {
+    let served = hub.wired().map(|wired| KnownModel::served(&wired.arm));
+    let entries = hub.history().map_or(Ok(Vec::new()), |history| history.entries(Entry::Models, Some(MAX_MODELS)));
+    let entries = entries.map_err(|error| Refused::new(Kind::Refused, error))?;
+    let is_new = |model: &KnownModel| served.as_ref().is_none_or(|served| served.digest != model.digest);
+    let others: Vec<KnownModel> = entries.iter().filter_map(KnownModel::of_entry).filter(is_new).collect();
+    Ok(served.into_iter().chain(others).collect())
+}
+
+/// The file of the model with this digest.
+pub(super) fn text(hub: &Hub, digest: &str) -> Result<ModelText, Refused> {
+    if let Some(wired) = hub.wired().filter(|wired| wired.arm.hash().to_string() == digest) {
+        return Ok(ModelText { name: file_name(&wired.arm.name), text: wired.arm.to_toml() });
+    }
+    let failed = |error| Refused::new(Kind::Refused, error);
+    let (mut name, mut text) = (None, None);
+    if let Some(history) = hub.history() {
+        (name, text) = (history.model_name(digest).map_err(failed)?, history.model_file(digest).map_err(failed)?);
+    }
+    let found = name.zip(text).map(|(name, text)| ModelText { name: file_name(&name), text });
+    found.ok_or_else(|| Refused::new(Kind::Invalid, format!("the server has no model {digest}; choose its file")))
+}
+
+impl KnownModel {
+    fn served(arm: &Arm) -> Self {
+        let (digest, number) = (arm.hash().to_string(), Some(arm.model.number.into()));
+        Self { digest, name: file_name(&arm.name), number, is_served: true }
+    }
+
+    /// `None` of an entry without a file.
+    fn of_entry(entry: &Value) -> Option<Self> {
+        let text = |key: &str| entry[key].as_str().map(str::to_owned);
+        let has_file = entry["has_file"].as_i64() == Some(1);
+        let (digest, name) = text("digest").zip(text("name")).filter(|_| has_file)?;
+        Some(Self { digest, name: file_name(&name), number: entry["number"].as_u64(), is_served: false })
+    }
+}
+
+/// The arm of the server is kept under its name, other models under that of their file.
+fn file_name(name: &str) -> String {
+    let is_file = [".toml", ".urdf", ".xml"].iter().any(|end| name.to_lowercase().ends_with(end));
+    let plain: String = name.chars().map(|c| if c.is_control() || "/\\:".contains(c) { '-' } else { c }).collect();
+    if is_file { plain } else { format!("{plain}.toml") }
+}

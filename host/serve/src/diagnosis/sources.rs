@@ -1,0 +1,87 @@
+//! What a diagnosis is made from: the files of an upload, or a model that the server has.
+
+use std::fmt;
+
+use darm_diagnose::diagnosis::SignalOptions;
+use darm_diagnose::error::{DiagnoseError, sentence};
+use darm_diagnose::files::{FileDiagnosis, FileOptions, Files, FilesError, Subject};
+use darm_diagnose::measurement::ReadError;
+use darm_diagnose::progress::Progress;
+
+use super::folder::Folder;
+use super::{log, models};
+use crate::hub::Hub;
+use crate::refusal::{Kind, Refused};
+use crate::upload::{Model, Upload};
+
+/// Seed of the cross-validation: that of `darm diagnose`.
+const SEED: u64 = 1;
+
+/// An upload with its model.
+pub(super) struct Sources<'a> {
+    pub(super) upload: &'a Upload<'a>,
+    /// Name of the model's file.
+    pub(super) model: String,
+    /// Its text, where it was not sent.
+    known: Option<String>,
+}
+
+impl<'a> Sources<'a> {
+    /// Finds the model.
+    pub(super) fn of(hub: &Hub, upload: &'a Upload<'a>) -> Result<Self, Refused> {
+        match &upload.model {
+            Model::Sent(name) => Ok(Self { upload, model: name.clone(), known: None }),
+            Model::Known(digest) => {
+                models::text(hub, digest).map(|known| Self { upload, model: known.name, known: Some(known.text) })
+            }
+            Model::Missing => Err(Refused::new(Kind::Invalid, "no model; choose one")),
+        }
+    }
+
+    pub(super) fn model_bytes(&self) -> &[u8] {
+        self.known.as_ref().map_or_else(|| self.upload.bytes(&self.model), |text| text.as_bytes())
+    }
+
+    /// The diagnosis, with the files in a folder.
+    pub(super) fn diagnose(&self, folder: &Folder, progress: &Progress) -> Result<FileDiagnosis, Refused> {
+        let data = folder.write_upload(self.upload)?;
+        if let Some(text) = &self.known {
+            folder.write(&self.model, text)?;
+        }
+        let model = folder.path().join(&self.model);
+        let read = log::readable(&data, &self.upload.columns).map_err(|fault| folder.refusal(&fault.to_string()))?;
+        let how = FileOptions {
+            names: read.names,
+            rows: SignalOptions { seed: SEED, progress: progress.clone(), ..SignalOptions::default() },
+            accepts_other_model: self.upload.accepts_other_model,
+        };
+        let files = Files { model: &model, data: &read.data };
+        let found = Subject::read(&model).and_then(|subject| files.diagnose(subject, &how));
+        found.map_err(|error| folder.refusal(&without_option(&error)))
+    }
+}
+
+impl fmt::Display for Sources<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} and {}", self.model, self.upload.data)
+    }
+}
+
+/// What is wrong, with what to do on the page in place of options of the command line.
+fn without_option(error: &FilesError) -> String {
+    match error {
+        FilesError::Read(ReadError::NoQuantity { path, column, .. })
+        | FilesError::Diagnose { source: DiagnoseError::Read(ReadError::NoQuantity { path, column, .. }), .. } => {
+            log::no_quantity(path, column)
+        }
+        FilesError::OtherModel(other) => format!(
+            "{} was recorded with a table of model {}, {} is model {} and differs in more than its effects; choose the \
+             model of the recording, or accept one of another arm",
+            other.data.display(),
+            other.recorded,
+            other.arm.display(),
+            other.given
+        ),
+        error => sentence(error),
+    }
+}
