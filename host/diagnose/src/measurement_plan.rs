@@ -209,20 +209,26 @@ fn likely(column: Vec<f64>) -> Vec<f64> {
     column.into_iter().map(|x| x * LIKELY / rms.max(f64::MIN_POSITIVE)).collect()
 }
 
+/// The word that the arm has come from in each step: in a repeat nothing moves, and the arm stays as it has come.
+pub fn arrivals(steps: &[Step]) -> Vec<Word> {
+    let mut arrival = None;
+    let from = |step: &Step| *arrival.insert(arrival.filter(|_| step.repeat).unwrap_or(step.previous));
+    steps.iter().map(from).collect()
+}
+
 /// The steps as an exact measurement of the arm as its model has it, at this supply and temperature.
 pub fn as_run(arm: &Arm, steps: &[Step], supply: f64, temperature_k: f64) -> Run {
     let mut scratch = ArmScratch::default();
     let mut samples = Vec::new();
-    for (visit, step) in steps.iter().enumerate() {
-        let previous = Some(step.previous);
+    for (visit, (step, arrival)) in steps.iter().zip(arrivals(steps)).enumerate() {
         let nominal = arm.model.nominal(step.word, &step.servos_rad);
         let load_kg = step.load_kg.unwrap_or(0.0);
-        let condition = Condition { previous, supply, temperature_k, load_kg, ..nominal };
+        let condition = Condition { previous: Some(arrival), supply, temperature_k, load_kg, ..nominal };
         let Ok(pose) = arm.model.predict(&condition, &mut scratch) else { continue };
         samples.push(Sample {
             time_s: visit as f64,
             word: step.word,
-            previous,
+            previous: Some(step.previous),
             servos_rad: step.servos_rad.clone(),
             pose,
             supply: Some(supply),

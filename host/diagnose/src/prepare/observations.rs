@@ -78,6 +78,7 @@ impl Observations {
         words.sort();
         words.dedup();
         let start_s = run.start_s();
+        let arrivals = arrivals(run);
         let histories = histories(arm, run);
         let mut rows = Vec::new();
         for ((sample, s), history) in run.samples.iter().enumerate().zip(histories).filter(|(of, _)| choose(of)) {
@@ -89,7 +90,7 @@ impl Observations {
                 sample,
                 group: words.binary_search(&s.word).expect("words has the word of every chosen sample"),
                 word: s.word,
-                previous: s.previous,
+                previous: arrivals[sample],
                 servos: s.servos_rad.clone(),
                 supply: s.supply.unwrap_or(arm.model.nominal_supply),
                 temperature_k: s.temperature_c.map_or(arm.model.reference_temperature_k, |c| c + ZERO_CELSIUS),
@@ -201,7 +202,7 @@ impl Observations {
         self.axes.iter().enumerate().map(of_axis).collect()
     }
 
-    /// Word, word before and conditions of a row.
+    /// Word, the word that the arm came from, and conditions of a row.
     pub fn condition<'a>(&self, row: &'a Row) -> Condition<'a, f64> {
         Condition {
             word: row.word,
@@ -251,6 +252,25 @@ impl History {
     }
 }
 
+/// The word that the arm came from in each sample: where nothing moves since the sample before, it is where it has come to from
+/// that one's word before.
+fn arrivals(run: &Run) -> Vec<Option<Word>> {
+    let mut last: Option<(&Sample, Option<Word>)> = None;
+    let after = |sample| {
+        let stays = last.filter(|(last, _)| is_same_rest(last, sample));
+        let arrival = stays.map_or(sample.previous, |(_, arrival)| arrival);
+        last = Some((sample, arrival));
+        arrival
+    };
+    run.samples.iter().map(after).collect()
+}
+
+/// Whether the arm has not moved between two samples that follow each other.
+fn is_same_rest(last: &Sample, sample: &Sample) -> bool {
+    let stays = sample.previous.is_none_or(|previous| previous == sample.word);
+    stays && last.run == sample.run && last.word == sample.word && last.servos_rad == sample.servos_rad
+}
+
 /// That of each sample of a run.
 fn histories(arm: &Arm, run: &Run) -> Vec<History> {
     let n = arm.n_actuators();
@@ -275,15 +295,28 @@ mod tests {
         format!("{}.0,{visit},{word},{previous},0.1,0.2,3\n", 4 * visit)
     }
 
+    fn run(rows: &[String]) -> Run {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.csv");
+        std::fs::write(&path, format!("time_s,visit,word,previous,x_m,y_m,angle_deg\n{}", rows.concat())).unwrap();
+        poses::read(&path, &Default::default(), &Which::default()).unwrap().0
+    }
+
     /// After the last of these rows.
     fn history(rows: &[String]) -> History {
         let text = include_str!("../../../../examples/planar4.toml");
         let arm = Arm::parse(Path::new("planar4.toml"), text).unwrap();
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("log.csv");
-        std::fs::write(&path, format!("time_s,visit,word,previous,x_m,y_m,angle_deg\n{}", rows.concat())).unwrap();
-        let (run, _) = poses::read(&path, &Default::default(), &Which::default()).unwrap();
-        histories(&arm, &run).pop().unwrap()
+        histories(&arm, &run(rows)).pop().unwrap()
+    }
+
+    #[test]
+    fn an_arm_that_keeps_its_word_stays_as_it_has_come() {
+        let [rest, a, b] = ["000000000000", "100000000000", "110000000000"];
+        let rows =
+            [row(0, rest, a), row(1, a, a), row(2, a, a), row(3, a, b), row(4, b, b), row(5, a, b), row(6, a, a)];
+        let word = |text: &str| Some(text.parse().unwrap());
+        // The last row but one was left and come back to, the last one is after a row that is missing.
+        assert_eq!(arrivals(&run(&rows)), [rest, rest, rest, a, a, a, a].map(word));
     }
 
     #[test]

@@ -3,12 +3,13 @@
 use darm_core::chain::ChainError;
 use darm_core::real::Vec3;
 use darm_core::se::{Pose, Twist};
+use darm_core::units::Word;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use crate::measurement::{Run, Sample};
-use crate::measurement_plan::Step;
+use crate::measurement_plan::{Step, arrivals};
 use crate::truth::CAMERA_M;
 use crate::truth::CAMERA_RAD;
 use crate::truth::History;
@@ -78,19 +79,21 @@ impl Truth {
     pub(crate) fn followed(&self, steps: &[Step], start_s: f64) -> Vec<Followed> {
         let mut history = History::default();
         let mut time_s = start_s;
-        let follow = |step: &Step| {
+        let follow = |(step, previous): (&Step, Word)| {
             time_s += if step.repeat { STEP_S / 3.0 } else { STEP_S };
             let supply = self.surroundings.at(time_s, &step.word).supply_ratio;
             history.follow(step, supply, time_s);
-            Followed { time_s, history: history.clone() }
+            Followed { time_s, previous, history: history.clone() }
         };
-        steps.iter().map(follow).collect()
+        steps.iter().zip(arrivals(steps)).map(follow).collect()
     }
 }
 
 /// One step of a measurement plan in time.
 pub(crate) struct Followed {
     pub(crate) time_s: f64,
+    /// The word that the arm has come from.
+    previous: Word,
     pub(crate) history: History,
 }
 
@@ -98,7 +101,7 @@ impl Followed {
     pub(crate) fn state<'a>(&'a self, step: &'a Step) -> TrueState<'a> {
         TrueState {
             word: step.word,
-            previous: Some(step.previous),
+            previous: Some(self.previous),
             servos_rad: &step.servos_rad,
             time_s: self.time_s,
             load_kg: step.load_kg.unwrap_or(0.0),
