@@ -11,8 +11,10 @@ use darm_arm::arm::frames::{self, DesiredFrame};
 use darm_arm::reach::better_words::better_words;
 use darm_arm::synthesis::{self, Status, synthesize};
 use darm_arm::wired_arm::WiredArm;
+use darm_core::units::Word;
 use darm_diagnose::calibrate::{Look, Next, Options, State, Station as _, Task, look};
 use darm_diagnose::correction::Keep;
+use darm_diagnose::measurement_plan::Step;
 use darm_diagnose::progress::Progress;
 use darm_diagnose::visit_table::{MEASUREMENT_DWELL_S, default_dwell_s};
 
@@ -37,6 +39,8 @@ Each look plays some visits, and diagnoses all rows so far. The next words are t
 uncertain. The loop ends when the verdict is confirmed on held-out words and the pose at the frames is predicted as certainly \
 as --goal wants it; at the latest after --looks. That number is fixed before the first look, and all looks together raise a \
 false alarm no more often than one diagnosis does.
+
+With --upload the frames are measured too, with their words before and with the nearest ones, and the nearest ones are uploaded.
 
 FOLDER has all that was measured. A loop that was interrupted continues with the look that was not complete when the command \
 is repeated. At the end the folder has run.csv, for `darm diagnose`, and, where an effect is named, model.toml with it, \
@@ -74,7 +78,7 @@ pub(crate) struct Calibrate {
     /// Profile of the board; default: the one that the arm names, else the one built into boards
     #[arg(long, value_name = "PROFILE.toml")]
     profile: Option<PathBuf>,
-    /// Upload words.darm at the end, where an effect is named
+    /// Where an effect is named, measure the frames with the words before and with the nearest ones, and upload words.darm
     #[arg(long)]
     upload: bool,
     #[command(flatten)]
@@ -114,9 +118,13 @@ impl Calibrate {
         folder.keep_run(&state.run)?;
         if let Some(corrected) = last.outcome.correction.corrected(&wired.arm, &state.run, Keep::Effects) {
             result.model = Some(folder.keep_arm("model.toml", &corrected)?);
-            let (reports, table) = words(&corrected, &frames, &board)?;
-            result.frames = reports;
-            result.uploaded = self.upload.then(|| board.upload(&table)).transpose()?;
+            let (better, table) = words(&corrected, &frames, &board)?;
+            result.frames = reports(&corrected, &frames, &better)?;
+            if self.upload {
+                let words: Vec<&DesiredFrame> = frames.iter().chain(better.iter().map(|(frame, _)| frame)).collect();
+                result.add_measured(&measured(&words, &mut board)?);
+                result.uploaded = Some(board.upload(&table)?);
+            }
             result.adjusted = Some(adjusted(&corrected, &frames, &folder, self.seed)?);
         }
         ui.print(&result)
@@ -165,15 +173,54 @@ fn until_the_end(task: &Task, board: &mut Board) -> anyhow::Result<(State, Vec<L
     }
 }
 
+/// A frame with its nearest word, and how far that is from it by the model, m.
+type Better = (DesiredFrame, f64);
+
 /// The frames with their nearest words by the corrected model, and the file of their table.
-fn words(corrected: &Arm, frames: &[DesiredFrame], board: &Board) -> anyhow::Result<(Vec<FrameReport>, PathBuf)> {
+fn words(corrected: &Arm, frames: &[DesiredFrame], board: &Board) -> anyhow::Result<(Vec<Better>, PathBuf)> {
     let better = better_words(corrected, frames)?;
-    let reports =
-        frames.iter().zip(&better).map(|(old, (new, after_m))| FrameReport::new(corrected, old, new, *after_m));
-    let reports = reports.collect::<anyhow::Result<Vec<_>>>()?;
     let dwell_s = default_dwell_s(corrected, board.profile());
-    let words: Vec<DesiredFrame> = better.into_iter().map(|(frame, _)| frame).collect();
-    Ok((reports, board.folder.keep_words(corrected, board.profile(), &words, dwell_s)?))
+    let words: Vec<DesiredFrame> = better.iter().map(|(frame, _)| frame.clone()).collect();
+    let table = board.folder.keep_words(corrected, board.profile(), &words, dwell_s)?;
+    Ok((better, table))
+}
+
+fn reports(corrected: &Arm, frames: &[DesiredFrame], better: &[Better]) -> anyhow::Result<Vec<FrameReport>> {
+    let pairs = frames.iter().zip(better);
+    pairs.map(|(old, (new, after_m))| FrameReport::new(corrected, old, new, *after_m)).collect()
+}
+
+/// Measures frames, each from the word before it; how far each is from its target, m. What was measured before is read from
+/// the folder.
+fn measured(frames: &[&DesiredFrame], board: &mut Board) -> anyhow::Result<Vec<Option<f64>>> {
+    let (mut steps, mut visits) = (Vec::<Step>::new(), Vec::new());
+    for frame in frames {
+        if steps.last().is_none_or(|last| last.word != frame.previous) {
+            steps.push(step(frame, frame.previous));
+        }
+        visits.push(steps.len());
+        steps.push(step(frame, frame.word));
+    }
+    let samples = match board.folder.frames()? {
+        Some(samples) => samples,
+        None => {
+            board.doing = "frames with the words before and the nearest ones".into();
+            let samples = board.measure(&steps)?;
+            board.folder.keep_frames(samples)?
+        }
+    };
+    let length_scale_m = board.wired.arm.length_scale_m;
+    let distance = |(frame, visit): (&&DesiredFrame, usize)| {
+        let sample = samples.iter().find(|sample| sample.visit as usize == visit)?;
+        Some(sample.pose.distance(&frame.pose_base_tool, length_scale_m))
+    };
+    Ok(frames.iter().zip(visits).map(distance).collect())
+}
+
+/// A visit of a word with the servos of a frame.
+fn step(frame: &DesiredFrame, word: Word) -> Step {
+    let (previous, servos_rad) = (frame.previous, frame.servos_rad.clone());
+    Step { word, previous, servos_rad, load_kg: None, held_out: false, repeat: false }
 }
 
 /// The stops that bring the tool of the corrected model to the frames.

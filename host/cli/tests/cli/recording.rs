@@ -1,5 +1,6 @@
 //! `darm record`: what is on the disk when something goes wrong on the way.
 
+use std::io::{BufRead as _, BufReader, Write as _};
 use std::net::Shutdown;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::PathBuf;
@@ -7,6 +8,9 @@ use std::process::{Child, Stdio};
 use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::Duration;
+
+use darm_diagnose::measurement::mcap::Writer;
+use serde_json::{Map, Value};
 
 use super::{Board, Home, example, text};
 
@@ -108,6 +112,40 @@ fn compressed_and_logged_recordings_are_readable_at_any_moment() {
             "{file}: {reported}"
         );
     }
+}
+
+/// Writes what a camera sends to an MCAP log, in chunks as they come, until the camera ends.
+fn log_camera(socket: &str, file: PathBuf) {
+    let camera = BufReader::new(UnixStream::connect(socket).unwrap());
+    let mut writer = Writer::new(&[], "/tool", ("pose", "{}"));
+    let mut log = std::fs::File::create(&file).unwrap();
+    log.write_all(&writer.take()).unwrap();
+    thread::spawn(move || {
+        let mut lines = camera.lines().map_while(Result::ok);
+        let header = lines.next().unwrap();
+        for line in lines {
+            let numbers = line.split(',').map(|cell| cell.parse::<f64>().ok().map_or(Value::Null, Value::from));
+            let row: Map<String, Value> = header.split(',').map(str::to_owned).zip(numbers).collect();
+            writer.message((1e9 * row["time_s"].as_f64().unwrap()) as u64, &Value::from(row).to_string());
+            log.write_all(&writer.take()).unwrap();
+        }
+    });
+}
+
+#[test]
+fn a_log_that_another_program_writes_meanwhile_is_the_camera() {
+    let home = Home::new();
+    let arm = example("planar4.toml");
+    home.succeeds(&format!("table {arm} --words 000010000000 000001000000 000011000000 --dwell 0.4 -o three.darm"));
+    let board = Board::start(&home, &arm);
+    home.succeeds(&format!("upload three.darm {}", board.port));
+    let socket = board.port.trim_start_matches("--port unix:").replace("/port", "/camera");
+    log_camera(&socket, home.path("poses.mcap"));
+    let recorded = home.json(&format!("record three.darm --camera poses.mcap -o run.csv {}", board.port));
+    assert_eq!(recorded["end"], "finished", "{recorded}");
+    let words: Vec<String> =
+        rows(&home, "run.csv").iter().map(|row| row.split(',').nth(1).unwrap().to_owned()).collect();
+    assert_eq!(words, ["000010000000", "000001000000", "000011000000"]);
 }
 
 /// A cable between a host and a board that can be pulled.

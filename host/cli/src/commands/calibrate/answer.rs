@@ -51,8 +51,11 @@ pub(super) struct FrameReport {
     name: String,
     word: String,
     predicted_m: f64,
+    /// Distance that was measured with that word; `None` where the frame was not measured.
+    measured_m: Option<f64>,
     better_word: String,
     better_predicted_m: f64,
+    better_measured_m: Option<f64>,
 }
 
 /// An arm with other stops.
@@ -85,6 +88,25 @@ impl Calibrated {
             folder: folder.into(),
             plain: found.plain.clone(),
         }
+    }
+}
+
+impl Calibrated {
+    /// Adds the distances that were measured: at all frames with the words before, then with the nearest ones.
+    pub(super) fn add_measured(&mut self, distances_m: &[Option<f64>]) {
+        let (before, after) = distances_m.split_at(distances_m.len() / 2);
+        for ((frame, before), after) in self.frames.iter_mut().zip(before).zip(after) {
+            (frame.measured_m, frame.better_measured_m) = (*before, *after);
+        }
+    }
+
+    /// The measured errors before and after, in a sentence.
+    fn measured(&self) -> Option<String> {
+        let both = self.frames.iter().filter_map(|frame| frame.measured_m.zip(frame.better_measured_m));
+        let (before, after): (Vec<f64>, Vec<f64>) = both.unzip();
+        let (before, after) = root_mean_square(&before).zip(root_mean_square(&after))?;
+        let [before, after] = [before, after].map(|m| format!("{:.3}", 1e3 * m));
+        Some(format!("measured at the frames, root mean square: {before} → {after} mm with the nearest words"))
     }
 }
 
@@ -123,21 +145,29 @@ impl FrameReport {
             name: old.name.clone(),
             word: old.word.to_string(),
             predicted_m: pose.distance(&old.pose_base_tool, corrected.length_scale_m),
+            measured_m: None,
             better_word: new.word.to_string(),
             better_predicted_m: after_m,
+            better_measured_m: None,
         })
     }
 
     fn cells(&self) -> Vec<String> {
-        let mm = |m: f64| format!("{:.3} mm", 1e3 * m);
-        vec![
-            self.name.clone(),
-            self.word.clone(),
-            mm(self.predicted_m),
-            self.better_word.clone(),
-            mm(self.better_predicted_m),
-        ]
+        let of = |predicted_m: f64, measured_m: Option<f64>| {
+            let measured = measured_m.map_or("–".to_owned(), |m| format!("{:.3} mm", 1e3 * m));
+            [format!("{:.3} mm", 1e3 * predicted_m), measured]
+        };
+        let [predicted, measured] = of(self.predicted_m, self.measured_m);
+        let [better_predicted, better_measured] = of(self.better_predicted_m, self.better_measured_m);
+        let (name, word, better_word) = (self.name.clone(), self.word.clone(), self.better_word.clone());
+        vec![name, word, predicted, measured, better_word, better_predicted, better_measured]
     }
+}
+
+/// Root of the mean square; `None` of no values.
+fn root_mean_square(values: &[f64]) -> Option<f64> {
+    let squares: f64 = values.iter().map(|value| value * value).sum();
+    (!values.is_empty()).then(|| (squares / values.len() as f64).sqrt())
 }
 
 impl Answer for Calibrated {
@@ -152,11 +182,12 @@ impl Answer for Calibrated {
         lines.extend(self.plain.clone());
         lines.extend(self.effects.iter().map(diagnose::effect));
         if !self.frames.is_empty() {
-            let head =
-                ["frame", "word", "predicted error", "nearest word", "predicted error"].map(str::to_owned).to_vec();
+            let head = ["frame", "word", "predicted error", "measured", "nearest word", "predicted error", "measured"];
+            let head = head.map(str::to_owned).to_vec();
             let rows: Vec<Vec<String>> =
                 std::iter::once(head).chain(self.frames.iter().map(FrameReport::cells)).collect();
             lines.extend([String::new(), columns(&rows)]);
+            lines.extend(self.measured());
             let words = shown(&self.folder, "words.darm");
             lines.push(match &self.uploaded {
                 Some(digest) => format!("uploaded the nearest words: table {}", digest.get(..16).unwrap_or(digest)),

@@ -22,6 +22,9 @@ const FORMAT: u32 = 1;
 /// What the calibration was begun with.
 const SETTINGS: &str = "calibration.json";
 
+/// What was measured at the frames.
+const FRAMES: &str = "frames.csv";
+
 /// What a calibration is begun with; it holds for all of its looks.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Settings {
@@ -88,11 +91,19 @@ impl Folder {
 
     /// The rows of a look, counted from 0; `None` where it is not complete.
     pub(super) fn look(&self, look: usize) -> anyhow::Result<Option<Vec<Sample>>> {
-        let path = self.look_file(look);
-        if !path.exists() {
-            return Ok(None);
-        }
-        Ok(Some(poses::read(&path, &Default::default(), &Which::default())?.0.samples))
+        samples(&self.look_file(look))
+    }
+
+    /// What was measured at the frames; `None` where it was not.
+    pub(super) fn frames(&self) -> anyhow::Result<Option<Vec<Sample>>> {
+        samples(&self.file(FRAMES))
+    }
+
+    /// Keeps what was measured at the frames; what is read of it again.
+    pub(super) fn keep_frames(&self, samples: Vec<Sample>) -> anyhow::Result<Vec<Sample>> {
+        let text = write_text(&Run { samples, ..Run::default() });
+        output_file::write_all(&[(&self.file(FRAMES), text.as_bytes())])?;
+        self.frames()?.context("the frames were written")
     }
 
     /// Keeps the rows of a complete look; what is read of them again.
@@ -134,4 +145,12 @@ impl Folder {
         output_file::write_all(&[(&path, &image), (&visits_file(&path), text.as_bytes())])?;
         Ok(path)
     }
+}
+
+/// The rows of a file; `None` where there is none.
+fn samples(path: &Path) -> anyhow::Result<Option<Vec<Sample>>> {
+    if !path.exists() {
+        return Ok(None);
+    }
+    Ok(Some(poses::read(path, &Default::default(), &Which::default())?.0.samples))
 }
