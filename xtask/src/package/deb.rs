@@ -26,8 +26,25 @@ pub(super) fn build(debug: bool) -> Result<PathBuf> {
     fs::create_dir_all(&release)?;
     fs::copy(&tool, release.join("darm")).with_context(|| format!("{} cannot be copied", tool.display()))?;
     write_texts(&tool, &release)?;
-    run(cargo(["deb", "--no-build", "--quiet", "--package", "darm"]).env("CARGO_TARGET_DIR", &target))?;
+    let mut package = cargo(["deb", "--no-build", "--quiet", "--package", "darm"]);
+    package.args(maintainer().map(|maintainer| format!("--maintainer={maintainer}")));
+    run(package.env("CARGO_TARGET_DIR", &target))?;
     only_package(&target.join("debian"))
+}
+
+/// Who makes the package: `DEBFULLNAME` and `DEBEMAIL`, as Debian's tools have it, else the identity that git has in this
+/// repository. `None`: the one in `host/cli/Cargo.toml`, which reaches nobody.
+fn maintainer() -> Option<String> {
+    let variable = |name| std::env::var(name).ok().filter(|value| !value.is_empty());
+    let name = variable("DEBFULLNAME").or_else(|| git_config("user.name"))?;
+    let address = variable("DEBEMAIL").or_else(|| git_config("user.email"))?;
+    Some(format!("{name} <{address}>"))
+}
+
+fn git_config(key: &str) -> Option<String> {
+    let output = Command::new("git").current_dir(setup::root()).args(["config", key]).output().ok()?;
+    let value = String::from_utf8_lossy(&output.stdout).trim().to_owned();
+    Some(value).filter(|value| output.status.success() && !value.is_empty())
 }
 
 fn install_cargo_deb() -> Result<()> {
