@@ -42,6 +42,10 @@ pub(crate) struct Job {
     /// Kill `darm serve` this many times while tables are played, and look whether its history has every run that ended
     #[arg(long, value_name = "COUNT")]
     serve: Option<u64>,
+    /// Keep the live page of an arm of 64^6 words open for this many seconds: time on the processor of `darm serve`, time until
+    /// the page can be used in Chromium, size of what is embedded
+    #[arg(long, value_name = "SECONDS")]
+    page: Option<u64>,
 }
 
 /// A test that injects faults, as often as a variable says.
@@ -86,6 +90,14 @@ const SERVE: Injection = Injection {
     batch: 50,
 };
 
+/// No fault: what an open page costs.
+const PAGE: Injection = Injection {
+    name: "page",
+    arguments: &["--package", "darm", "--package", "darm-serve", "page_figures"],
+    variable: "DARM_PAGE_SECONDS",
+    batch: u64::MAX,
+};
+
 /// Part of an injection.
 pub(crate) struct Item {
     injection: &'static Injection,
@@ -104,7 +116,9 @@ pub(crate) struct Row {
 impl Faults {
     pub(crate) fn run(&self) -> Result<()> {
         if self.job.parts().is_empty() {
-            bail!("nothing to do: give --kills, --frames, --stops, --pico or --serve, each with a COUNT");
+            bail!(
+                "nothing to do: give --kills, --frames, --stops, --pico or --serve, each with a COUNT, or --page SECONDS"
+            );
         }
         items::run(&self.job, &self.spread)
     }
@@ -118,6 +132,7 @@ impl Job {
             (&STOPS, self.stops),
             (&PICO, self.pico),
             (&SERVE, self.serve),
+            (&PAGE, self.page),
         ];
         let of = |(injection, count): (&'static Injection, Option<u64>)| {
             let (count, batch) = (count.unwrap_or(0), injection.batch);
@@ -222,7 +237,7 @@ mod tests {
 
     use super::{Job, Row, row};
 
-    const JOB: Job = Job { kills: Some(120), frames: None, stops: Some(20), pico: None, serve: Some(60) };
+    const JOB: Job = Job { kills: Some(120), frames: None, stops: Some(20), pico: None, serve: Some(60), page: None };
 
     #[test]
     fn faults_are_split_into_seeded_parts_that_add_up() {

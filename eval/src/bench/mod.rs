@@ -1,5 +1,6 @@
 //! Measurements, one file each; each prints its figures beside the goals.
 
+mod better_words;
 mod chip;
 pub(crate) mod draws;
 mod foreign;
@@ -51,6 +52,9 @@ struct What {
     /// The exact nearest word out of 64^6: time and memory, beside a beam search and a genetic algorithm
     #[arg(long)]
     reach: bool,
+    /// What better words alone can do for an arm with one wrong stroke: 4096 words beside 64^6, poses beside positions
+    #[arg(long)]
+    better_words: bool,
     /// The density of frames beside enumeration and beside random words
     #[arg(long)]
     map: bool,
@@ -98,6 +102,9 @@ impl Bench {
         if self.what.reach {
             figures.extend(figures_of(&Reach { seed: SEED })?);
         }
+        if self.what.better_words {
+            figures.extend(better_words::measure(SEED)?);
+        }
         if self.what.map {
             figures.extend(map::measure(SEED)?);
         }
@@ -109,8 +116,9 @@ impl Bench {
 
     /// One measurement that is a list of items, over several processes.
     fn spread_out(&self) -> Result<()> {
-        let What { chip, image, peers, synthesis_sweep, reach, map, measured, stamps, ref foreign } = self.what;
-        let others = chip || image || peers || map || measured || stamps || foreign.is_some();
+        let What { chip, image, peers, synthesis_sweep, reach, better_words, map, measured, stamps, ref foreign } =
+            self.what;
+        let others = chip || image || peers || better_words || map || measured || stamps || foreign.is_some();
         match (synthesis_sweep, reach) {
             (true, false) if !others => items::run(&SynthesisSweep {}, &self.spread),
             (false, true) if !others => items::run(&Reach { seed: SEED }, &self.spread),

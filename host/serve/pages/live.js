@@ -3,7 +3,6 @@
 import { get } from './server.js';
 import { follow, hasControl, onLive, order } from './frame.js';
 import { byId, degrees, make, mm, percent, seconds, setFacts, setText, short } from './format.js';
-import { ArmPicture } from './arm.js';
 
 const PHASES = {
   idle: 'Idle: no output carries current',
@@ -15,15 +14,29 @@ const PHASES = {
 
 let arm = null;
 let picture = null;
+let hasPicture = false;
 let shownPicture = -1;
 let lastEvent = '';
 let live = null;
 
-try {
-  picture = new ArmPicture(byId('arm'));
-} catch {
-  byId('arm').parentElement.hidden = true;
-  setText(byId('picture-note'), 'The picture needs WebGL, which this browser does not offer. The tables have all values.');
+// The library of the picture is large and WebGL slow to begin: control and values do not wait for them.
+async function startPicture() {
+  if (hasPicture) return;
+  hasPicture = true;
+  let arms;
+  try {
+    arms = await import('./arm.js');
+  } catch {
+    hasPicture = false;
+    return;
+  }
+  try {
+    picture = new arms.ArmPicture(byId('arm'));
+    shownPicture = -1;
+  } catch {
+    byId('arm').parentElement.hidden = true;
+    setText(byId('picture-note'), 'The picture needs WebGL, which this browser does not offer. The tables have all values.');
+  }
 }
 
 // ---------------------------------------------------------------- the arm
@@ -187,6 +200,8 @@ function showServos({ servos }) {
 
 function show(now) {
   live = now;
+  // After this state is shown.
+  if (!hasPicture) setTimeout(startPicture);
   const { board } = live;
   if (live.picture !== shownPicture) fetchPicture(live.picture).catch(() => { shownPicture = -1; });
   if (!board) return;

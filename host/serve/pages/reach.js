@@ -4,7 +4,6 @@ import { get, post } from './server.js';
 import { follow, onLive, order } from './frame.js';
 import { byId, degrees, make, percent, seconds, setFacts, setText } from './format.js';
 import { DensityPlot } from './density.js';
-import { TargetPicture, rotationVector } from './target.js';
 
 const STAGES = { start: 'starting', index: 'forming the index of the frames', words: 'searching the words', servos: 'searching words and servo angles', map: 'forming the density map' };
 const POLL_MS = 250;
@@ -22,6 +21,8 @@ let found = null;
 // The words of the path, that of the arm now first.
 let rests = [];
 let picture = null;
+// What draws it, once it is loaded: control does not wait for the library.
+let targets = null;
 // Until a person moves the target it is where the tool is first seen.
 let isMoved = false;
 // Without WebGL there is no picture, and the fields say all.
@@ -123,7 +124,7 @@ function setTarget(position, rotation) {
 }
 
 function dragged() {
-  target = { position: picture.position.toArray(), rotation: rotationVector(picture.rotation) };
+  target = { position: picture.position.toArray(), rotation: targets.rotationVector(picture.rotation) };
   showFields();
   targetChanged();
 }
@@ -339,6 +340,7 @@ function show(state) {
 async function start() {
   try {
     [about, arm] = [await get('/api/reach', 10_000), await get('/api/arm')];
+    targets ??= await import('./target.js');
   } catch {
     setTimeout(start, 500);
     return;
@@ -350,7 +352,7 @@ async function start() {
   if (isPlanar()) byId('plane').value = 'xy';
   makeFields();
   try {
-    picture = new TargetPicture(byId('arm'), { moved: dragged, turns: () => byId('drag').value === 'turn' });
+    picture = new targets.TargetPicture(byId('arm'), { moved: dragged, turns: () => byId('drag').value === 'turn' });
     picture.show(about.rest);
   } catch {
     byId('arm').parentElement.hidden = true;

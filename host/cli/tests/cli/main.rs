@@ -28,6 +28,7 @@ mod profile;
 mod recording;
 mod robots;
 mod serve_kills;
+mod serve_load;
 mod stop;
 mod unfinished;
 

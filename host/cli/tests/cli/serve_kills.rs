@@ -22,14 +22,14 @@ const LONGEST: Duration = Duration::from_millis(700);
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// A running `darm serve`. It is killed when it is dropped.
-struct Serving {
-    process: Child,
+pub(super) struct Serving {
+    pub(super) process: Child,
     address: String,
 }
 
 impl Serving {
-    fn start(home: &Home, board: &Board, history: &Path) -> Self {
-        let line = format!("serve {} --listen 127.0.0.1:0 {}", example("planar4.toml"), board.port);
+    pub(super) fn start(home: &Home, board: &Board, arm: &str, history: &Path) -> Self {
+        let line = format!("serve {} --listen 127.0.0.1:0 {}", example(arm), board.port);
         let mut command: Command = home.command(&line);
         command.arg("--history").arg(history).stdin(Stdio::null()).stdout(Stdio::piped());
         let mut process = command.spawn().unwrap();
@@ -40,7 +40,7 @@ impl Serving {
     }
 
     /// The answer to a request; `None` where none came.
-    fn ask(&self, method: &str, path: &str, headers: &str, body: &[u8]) -> Option<Value> {
+    pub(super) fn ask(&self, method: &str, path: &str, headers: &str, body: &[u8]) -> Option<Value> {
         let mut stream = TcpStream::connect(&self.address).ok()?;
         stream.set_read_timeout(Some(PATIENCE)).ok()?;
         let (host, length) = (&self.address, body.len());
@@ -55,7 +55,7 @@ impl Serving {
     }
 
     #[track_caller]
-    fn wait(&self, wanted: impl Fn(&Value) -> bool) -> Value {
+    pub(super) fn wait(&self, wanted: impl Fn(&Value) -> bool) -> Value {
         let since = Instant::now();
         loop {
             let live = self.ask("GET", "/api/live", "", b"").unwrap_or_default();
@@ -130,7 +130,7 @@ fn a_killed_server_has_lost_no_run_that_ended() {
     home.succeeds(&format!("upload a.darm {}", board.port));
     let (mut played, mut shown, mut cut) = (0, 0, 0);
     for _ in 0..kills {
-        let mut server = Serving::start(&home, &board, &history);
+        let mut server = Serving::start(&home, &board, "planar4.toml", &history);
         let live = server.wait(|live| live["link"]["state"] == "live");
         let table = live["board"]["table"].as_str().unwrap().to_owned();
         let time = random.random_range(Duration::ZERO..LONGEST);
@@ -144,7 +144,7 @@ fn a_killed_server_has_lost_no_run_that_ended() {
         cut += u64::from(seen.last().is_some_and(|event| event["kind"] != "finished"));
     }
     // The board has gone on alone: the next server reads how the last run ended.
-    let mut server = Serving::start(&home, &board, &history);
+    let mut server = Serving::start(&home, &board, "planar4.toml", &history);
     server.wait(|live| live["board"]["phase"]["name"] == "idle" && live["link"]["state"] == "live");
     std::thread::sleep(Duration::from_millis(200));
     server.kill();

@@ -11,6 +11,7 @@ mod http;
 mod live;
 mod logs;
 mod moves;
+mod page_load;
 mod reach;
 mod table;
 mod webdriver;

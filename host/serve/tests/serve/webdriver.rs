@@ -162,6 +162,11 @@ impl Browser {
         self.protocol("Emulation.setEmulatedMedia", &json!({ "features": features }));
     }
 
+    /// Runs a script before those of every page that is opened.
+    pub(crate) fn at_every_page(&self, script: &str) {
+        self.protocol("Page.addScriptToEvaluateOnNewDocument", &json!({ "source": script }));
+    }
+
     /// Asks the browser past WebDriver, which has no word for it.
     fn protocol(&self, command: &str, parameters: &Value) {
         self.send("POST", "/goog/cdp/execute", &json!({"cmd": command, "params": parameters}));
