@@ -68,7 +68,7 @@ pub(crate) const COMMANDS: [CommandText; 18] = [
     local("quit", "", "Leaves the console; Ctrl-D does the same. What the board runs continues."),
     local(
         "upload",
-        "TABLE.darm",
+        "FILE.darm",
         "Uploads a table that `darm table` made; the board takes it completely or keeps the old one.",
     ),
 ];

@@ -73,12 +73,7 @@ fn sources(diagnosis: &Diagnosis, files: &[SourceFile]) -> Markup {
     html! {
         section {
             h2 { "Files" }
-            table.files {
-                thead { tr { th { "file" } th { "name" } th { "SHA-256" } } }
-                tbody {
-                    @for file in files { tr { td { (file.kind) } td { (file.name) } td { code { (file.digest) } } } }
-                }
-            }
+            (file_table(files))
             p {
                 (rows.train) " rows fitted, " (rows.held_out) " held out: " (diagnosis.held_out) "; cross-validated over "
                 (diagnosis.left_out) "."
@@ -87,9 +82,19 @@ fn sources(diagnosis: &Diagnosis, files: &[SourceFile]) -> Markup {
     }
 }
 
+/// Files with their digests.
+pub(super) fn file_table(files: &[SourceFile]) -> Markup {
+    html! {
+        table.files {
+            thead { tr { th { "file" } th { "name" } th { "SHA-256" } } }
+            tbody { @for file in files { tr { td { (file.kind) } td { (file.name) } td { code { (file.digest) } } } } }
+        }
+    }
+}
+
 /// The day and minute in UTC, ISO 8601. Source of the calendar: H. Hinnant, chrono-Compatible Low-Level Date Algorithms,
 /// `civil_from_days`.
-fn date(at: SystemTime) -> String {
+pub(super) fn date(at: SystemTime) -> String {
     let seconds = at.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
     let (days, minutes) = (seconds / 86_400 + 719_468, seconds % 86_400 / 60);
     let (era, of_era) = (days / 146_097, days % 146_097);

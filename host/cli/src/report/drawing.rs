@@ -22,6 +22,10 @@ pub struct Posture {
     pub contracted: Vec<Line>,
     /// Legs in any other state.
     pub extended: Vec<Line>,
+    /// The number of the actuator of each contracted leg.
+    pub contracted_actuators: Vec<usize>,
+    /// The same of the extended ones.
+    pub extended_actuators: Vec<usize>,
     /// Plates between stages, from the leftmost anchor to the rightmost; links.
     pub plates: Vec<Line>,
     /// The tool: x, y in m, angle in rad.
@@ -35,6 +39,8 @@ pub fn posture(arm: &Arm, frame: &DesiredFrame, scratch: &mut ArmScratch) -> Opt
     let mut posture = Posture {
         contracted: Vec::new(),
         extended: Vec::new(),
+        contracted_actuators: Vec::new(),
+        extended_actuators: Vec::new(),
         plates: Vec::new(),
         tool: [tool.position.x, tool.position.y, tool.rotation.m21.atan2(tool.rotation.m11)],
     };
@@ -46,8 +52,7 @@ pub fn posture(arm: &Arm, frame: &DesiredFrame, scratch: &mut ArmScratch) -> Opt
         let settings = || legs.clone().map(|leg| scratch.settings[index][leg]);
         for (leg, setting) in settings().enumerate() {
             let line = line(&below, &setting.base, &top, &setting.top);
-            let moved = frame.word.digit(actuator + leg) > 0;
-            if moved { &mut posture.extended } else { &mut posture.contracted }.push(line);
+            posture.add_leg(actuator + leg, frame.word.digit(actuator + leg), line);
         }
         posture.plates.extend(plate(&below, settings().map(|setting| setting.base)));
         posture.plates.extend(plate(&top, settings().map(|setting| setting.top)));
@@ -59,6 +64,17 @@ pub fn posture(arm: &Arm, frame: &DesiredFrame, scratch: &mut ArmScratch) -> Opt
     }
     posture.plates.push(line(&below, &Vec3::zeros(), &tool, &Vec3::zeros()));
     Some(posture)
+}
+
+impl Posture {
+    fn add_leg(&mut self, actuator: usize, digit: u8, line: Line) {
+        let (lines, actuators) = match digit {
+            0 => (&mut self.contracted, &mut self.contracted_actuators),
+            _ => (&mut self.extended, &mut self.extended_actuators),
+        };
+        lines.push(line);
+        actuators.push(actuator);
+    }
 }
 
 fn line(a: &Pose<f64>, from: &Vec3<f64>, b: &Pose<f64>, to: &Vec3<f64>) -> Line {
@@ -113,6 +129,8 @@ fn one(frame: &DrawnFrame, [x0, y0, x1, y1]: [f64; 4]) -> Markup {
             (lines("leg", &frame.synthesised.contracted))
             (lines("leg out", &frame.synthesised.extended))
             (lines("plate", &frame.synthesised.plates))
+            (numbers(&frame.synthesised.contracted, &frame.synthesised.contracted_actuators, at))
+            (numbers(&frame.synthesised.extended, &frame.synthesised.extended_actuators, at))
             (axes(frame.desired, at))
         }
     }
@@ -124,6 +142,17 @@ fn lines(class: &str, lines: &[Line], at: impl Fn([f64; 2]) -> (f64, f64)) -> Ma
         @for [a, b] in lines {
             @let ((ax, ay), (bx, by)) = (at(*a), at(*b));
             line class=(class) x1=(n(ax)) y1=(n(ay)) x2=(n(bx)) y2=(n(by)) {}
+        }
+    }
+}
+
+/// The number of each leg's actuator at a third of the leg, where those of crossing legs are apart.
+fn numbers(legs: &[Line], actuators: &[usize], at: impl Fn([f64; 2]) -> (f64, f64)) -> Markup {
+    let third = |[a, b]: &Line| at([a[0] + (b[0] - a[0]) / 3.0, a[1] + (b[1] - a[1]) / 3.0]);
+    html! {
+        @for (leg, actuator) in legs.iter().zip(actuators) {
+            @let (x, y) = third(leg);
+            text.number x=(n(x)) y=(n(y)) { (actuator) }
         }
     }
 }

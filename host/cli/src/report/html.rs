@@ -1,32 +1,36 @@
 //! The page of one calibration loop.
 
+use std::time::SystemTime;
+
 use maud::{Markup, html};
 
+use super::diagnosis::{SourceFile, date, file_table};
 use super::skeleton::skeleton;
 use super::{Closure, LoopReport, PaperFigures, SynthesisFigures, drawing};
 use darm_diagnose::outcome::Verdict;
 use darm_diagnose::report::numbers::mm;
 use darm_diagnose::report::tables::tables_and_plots;
 
-/// The page, self-contained.
-pub fn page(report: &LoopReport) -> Markup {
+/// The page, self-contained: of a loop that ended `at` this time and wrote these files.
+pub fn page(report: &LoopReport, files: &[SourceFile], at: SystemTime) -> Markup {
     let body = html! {
-        (head(report))
+        (head(report, at))
         (figures(report))
         (synthesis(report))
         (measurement_plan(report))
         (diagnosis(report))
         (closing(report))
+        @if !files.is_empty() { section { h2 { "Files" } (file_table(files)) } }
         footer { "darm " (report.version) " · seed " (report.seed) " · the same numbers are in report.json" }
     };
     skeleton(&format!("{}, seed {}", report.arm, report.seed), &body)
 }
 
-fn head(report: &LoopReport) -> Markup {
+fn head(report: &LoopReport, at: SystemTime) -> Markup {
     html! {
         header {
             h1 { "Calibration report" }
-            p.sub { (report.arm) " · " (report.board) " · seed " (report.seed) " · " (format!("{:.0} s", report.time_s)) }
+            p.sub { (report.arm) " · " (report.board) " · seed " (report.seed) " · " (format!("{:.0} s", report.time_s)) " · " (date(at)) }
             p.lead { @for sentence in report.diagnosis.plain.iter().take(3) { (sentence) " " } }
         }
     }
@@ -77,7 +81,7 @@ fn synthesis(report: &LoopReport) -> Markup {
     html! {
         section {
             h2 { "Synthesis" }
-            p { "Stop positions with which the arm reaches the desired frames (" (s.case) "). Grey: the initial arm; dark: the synthesised arm, extended legs in colour; the cross is the desired frame." }
+            p { "Stop positions with which the arm reaches the desired frames (" (s.case) "). Grey: the initial arm; dark: the synthesised arm, extended legs in colour, each with the number of its actuator; the cross is the desired frame." }
             (drawing::figure(report))
             div.two {
                 (frames_table(s))

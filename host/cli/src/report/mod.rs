@@ -12,6 +12,7 @@ mod terminal;
 
 use std::io;
 use std::path::Path;
+use std::time::SystemTime;
 
 use darm_core::se::Pose;
 use serde::Serialize;
@@ -27,6 +28,13 @@ pub use motion::{
     MotionReport, along_time, chair_along_time, motion_page, page as page_of, plain_page, sagittal, sagittal_plane,
 };
 pub use terminal::table;
+
+/// Files of a loop besides its report: what each is, and its name.
+const FILES: [(&str, &str); 3] = [
+    ("measurements", "run.csv"),
+    ("corrected model", "arm-corrected.toml"),
+    ("arm with other stops", "arm-stops.toml"),
+];
 
 /// Errors and time of the synthesis in the paper: errors of 1e-7 m and 1e-9 degrees after 10² s.
 pub const PAPER: PaperFigures = PaperFigures { error_m: 1e-7, error_rad: 1.745_329_25e-11, time_s: 1e2 };
@@ -205,14 +213,16 @@ impl LoopReport {
         })
     }
 
-    /// Writes `report.html` and `report.json` into a folder.
+    /// Writes `report.html` and `report.json` into a folder; the page has the digests of the loop's files that are there.
     ///
     /// # Errors
     ///
     /// The folder cannot be made, or a file in it cannot be written.
     pub fn write(&self, folder: &Path) -> io::Result<()> {
         std::fs::create_dir_all(folder)?;
-        std::fs::write(folder.join("report.html"), page(self).into_string())?;
+        let read = |(kind, name): (&'static str, &str)| SourceFile::read(kind, &folder.join(name)).ok();
+        let files: Vec<SourceFile> = FILES.into_iter().filter_map(read).collect();
+        std::fs::write(folder.join("report.html"), page(self, &files, SystemTime::now()).into_string())?;
         std::fs::write(folder.join("report.json"), serde_json::to_string_pretty(self)?)
     }
 }

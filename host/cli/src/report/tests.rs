@@ -86,6 +86,7 @@ fn synthesis_figures(found: &synthesis::Synthesis) -> SynthesisFigures {
 fn page_and_json_have_the_same_numbers() {
     let report = report();
     let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("run.csv"), "abc").unwrap();
     report.write(folder.path()).unwrap();
     if let Some(kept) = std::env::var_os("DARM_REPORT") {
         report.write(Path::new(&kept)).unwrap();
@@ -101,6 +102,8 @@ fn page_and_json_have_the_same_numbers() {
     assert_eq!(page.matches("<svg").count(), page.matches("</svg>").count());
     assert!(!page.contains("http://") || page.matches("http://").count() == page.matches("http://www.w3.org").count());
     assert_eq!(json["drawing"]["frames"].as_array().unwrap().len(), 5);
+    assert!(page.contains("ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"), "digest of run.csv");
+    assert_eq!(page.matches("class=\"number\"").count(), 5 * 12, "each leg of each drawing has its number");
 }
 
 #[test]
