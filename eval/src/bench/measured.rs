@@ -175,7 +175,7 @@ impl Case {
         format!("{} {}", self.set, self.split)
     }
 
-    /// The answer to a table in the place of its own, and the most memory that it took, MB.
+    /// The answer to a table in the place of that of the case, and the most memory that it took, MB.
     pub(super) fn diagnosed(&self, program: &Path, data: &Path) -> Result<(Value, f64)> {
         let model = setup::root().join("tests/data/measured").join(self.model);
         let mut diagnose = Command::new(program);

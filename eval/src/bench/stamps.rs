@@ -40,7 +40,7 @@ pub(super) fn measure(folder: Option<&Path>) -> Result<Vec<Figure>> {
         let Some(data) = case.table(folder) else { continue };
         let table = Table::read(&data, &Names::new())?.0;
         if table.columns.iter().any(|column| column.name == TIME) {
-            all.extend(beside_clean(case, &program, (&data, &table))?);
+            all.extend(compared_to_clean(case, &program, (&data, &table))?);
         }
     }
     let mut figures = Vec::new();
@@ -59,22 +59,35 @@ pub(super) fn measure(folder: Option<&Path>) -> Result<Vec<Figure>> {
 }
 
 /// One set in all layouts.
-fn beside_clean(case: &Case, program: &Path, (data, table): (&Path, &Table)) -> Result<Vec<Comparison>> {
-    let clean = case.diagnosed(program, data)?.0;
-    let (clean_errors, clean_names) = (case.errors(&clean)?, names(&clean));
-    println!("{}: {clean_errors:.3?} {}", case.name(), clean["verdict"]);
-    let compared = |layout: Layout| {
+fn compared_to_clean(case: &Case, program: &Path, (data, table): (&Path, &Table)) -> Result<Vec<Comparison>> {
+    let clean = Answer::of(case, program, data)?;
+    println!("{}: {:.3?}", case.name(), clean.errors);
+    LAYOUTS.into_iter().map(|layout| clean.compared(case, program, (layout, table))).collect()
+}
+
+/// What a diagnosis gave.
+struct Answer {
+    errors: Vec<f64>,
+    names: BTreeSet<String>,
+}
+
+impl Answer {
+    fn of(case: &Case, program: &Path, data: &Path) -> Result<Self> {
+        let report = case.diagnosed(program, data)?.0;
+        Ok(Self { errors: case.errors(&report)?, names: names(&report) })
+    }
+
+    /// That to the same table with other stamps, compared to this one.
+    fn compared(&self, case: &Case, program: &Path, (layout, table): (Layout, &Table)) -> Result<Comparison> {
         let path = written(&changed(table, layout)?)?;
-        let answer = case.diagnosed(program, &path)?.0;
+        let other = Self::of(case, program, &path)?;
         std::fs::remove_file(&path)?;
-        let errors = case.errors(&answer)?;
-        let changes = errors.iter().zip(&clean_errors).map(|(error, clean)| error / clean - 1.0);
-        let change = changes.fold(0.0, |most: f64, change| if change.abs() > most.abs() { change } else { most });
-        let new: Vec<String> = names(&answer).difference(&clean_names).cloned().collect();
-        println!("  {}: {errors:.3?} {} {}", name(layout), answer["verdict"], new.join(", "));
+        let changes = other.errors.iter().zip(&self.errors).map(|(error, clean)| error / clean - 1.0);
+        let change = changes.max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or_default();
+        let new: Vec<&String> = other.names.difference(&self.names).collect();
+        println!("  {}: {:.3?}, new names: {new:?}", name(layout), other.errors);
         Ok(Comparison { set: case.name(), layout: name(layout), change, new_names: new.len() })
-    };
-    LAYOUTS.into_iter().map(compared).collect()
+    }
 }
 
 fn name(layout: Layout) -> &'static str {

@@ -120,5 +120,5 @@
 //! nothing else. Offsets, tilts, delays and payloads of a serial arm came after the seeds up to 60039, and count from 70000 on;
 //! they have sizes of their own. Rods, brackets, seals, knocked tripods, and loads at the tool of every second arm with a sag
 //! came after the seeds up to 92100, and count from 100000 on. A body that is added to a serial arm hangs on the robot as it
-//! really stands, tilted and with its joints beside their encoders, from 420000 on; before, the torques of both were added,
+//! is, tilted and with its joints beside their encoders, from 420000 on; before, the torques of both were added,
 //! as if each were alone.
