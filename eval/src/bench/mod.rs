@@ -11,6 +11,7 @@ mod reach;
 mod replan;
 mod stamps;
 mod synthesis_sweep;
+mod upload;
 
 use std::path::PathBuf;
 
@@ -43,6 +44,9 @@ struct What {
     /// What can be proved of the image that is flashed: stack, static RAM, panics
     #[arg(long)]
     image: bool,
+    /// How fast a table gets to the board over a serial line with delay and losses, in virtual time
+    #[arg(long)]
+    upload: bool,
     /// Kinematics and dynamics beside Pinocchio and the crate `k`: what they take is built once, in minutes
     #[arg(long)]
     peers: bool,
@@ -87,6 +91,9 @@ impl Bench {
                 figures.push(Figure::new(name, value, unit)?);
             }
         }
+        if self.what.upload {
+            figures.extend(upload::measure()?);
+        }
         if self.what.measured {
             figures.extend(measured::measure(self.data.as_deref())?);
         }
@@ -116,9 +123,20 @@ impl Bench {
 
     /// One measurement that is a list of items, over several processes.
     fn spread_out(&self) -> Result<()> {
-        let What { chip, image, peers, synthesis_sweep, reach, better_words, map, measured, stamps, ref foreign } =
-            self.what;
-        let others = chip || image || peers || better_words || map || measured || stamps || foreign.is_some();
+        let What {
+            chip,
+            image,
+            upload,
+            peers,
+            synthesis_sweep,
+            reach,
+            better_words,
+            map,
+            measured,
+            stamps,
+            ref foreign,
+        } = self.what;
+        let others = chip || image || upload || peers || better_words || map || measured || stamps || foreign.is_some();
         match (synthesis_sweep, reach) {
             (true, false) if !others => items::run(&SynthesisSweep {}, &self.spread),
             (false, true) if !others => items::run(&Reach { seed: SEED }, &self.spread),

@@ -6,7 +6,7 @@
 //! | `Status`    | `Status`    | often | what the board does now                                                 |
 //! | `Events`    | `Events`    | often | what happened, from a number on                                         |
 //! | `Begin`     | `Upload`    | often | starts the upload of a table, or resumes the same one where it broke off |
-//! | `Chunk`     | `Upload`    | often | bytes at an offset; the answer says which offset is wanted next          |
+//! | `Chunk`     | `Upload`    | often | bytes at an offset; the answer says which offset is wanted next, blocks ahead of it are kept |
 //! | `Commit`    | `Committed` | once  | checks the table, stores it and loads it                                |
 //! | `Command`   | `Done`      | once  | play, stop, clear, a coil, a word, a servo                              |
 //! | `Calibrate` | `Done`      | once  | stores the servos' zero offsets                                         |

@@ -25,6 +25,8 @@ pub struct Counts {
     pub sent: u32,
     /// Frames that were sent again.
     pub again: u32,
+    /// Bytes of the frames that were sent.
+    pub sent_bytes: u64,
     /// Frames that arrived complete.
     pub received: u32,
     /// Frames that arrived damaged.
@@ -214,6 +216,7 @@ impl Exchange {
     pub(super) fn send(&mut self, frame: &[u8], again: bool) -> Result<(), ClientError> {
         self.counts.sent += 1;
         self.counts.again += u32::from(again);
+        self.counts.sent_bytes += frame.len() as u64;
         self.send_raw(frame)
     }
 

@@ -1,7 +1,7 @@
 //! A scripted board for the client's tests: keeps the rules of the wire and nothing else. Its time is virtual and passes
 //! while the client waits.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
@@ -32,6 +32,9 @@ pub(super) struct Memory {
     /// Number and frame of the last answer to a request that runs once.
     last: Option<(u16, Vec<u8>)>,
     upload: Option<(Image, Vec<u8>)>,
+    /// Keeps chunks that come ahead of the wanted one, as firmware does since it writes them to their place.
+    pub(super) keeps_ahead: bool,
+    ahead: BTreeMap<u32, Vec<u8>>,
     /// Images that were committed.
     pub(super) committed: Vec<Vec<u8>>,
     /// Commands that ran.
@@ -45,6 +48,7 @@ impl Memory {
     /// Loses what is in RAM, as by a reset.
     pub(super) fn reset(&mut self) {
         (self.connection, self.last, self.upload) = (None, None, None);
+        self.ahead.clear();
     }
 
     pub(super) fn say(&mut self, text: &str) {
@@ -126,8 +130,13 @@ impl Memory {
             Request::Begin(image) => Ok(Answer::Upload { next: self.begin(image) }),
             Request::Chunk { offset, bytes } => {
                 let (_, have) = self.upload.as_mut().ok_or(Refusal::NoUpload)?;
-                if *offset as usize == have.len() {
+                if self.keeps_ahead {
+                    self.ahead.insert(*offset, bytes.to_vec());
+                } else if *offset as usize == have.len() {
                     have.extend(*bytes);
+                }
+                while let Some(bytes) = self.ahead.remove(&(have.len() as u32)) {
+                    have.extend(bytes);
                 }
                 Ok(Answer::Upload { next: have.len() as u32 })
             }
@@ -149,6 +158,7 @@ impl Memory {
     fn begin(&mut self, image: &Image) -> u32 {
         if self.upload.as_ref().is_none_or(|(begun, _)| begun != image) {
             self.upload = Some((*image, Vec::new()));
+            self.ahead.clear();
         }
         let have = self.upload.as_ref().map_or(0, |(_, bytes)| bytes.len()) as u32;
         self.resumed_at = self.resumed_at.max(have);

@@ -107,6 +107,7 @@ fn an_upload_arrives_whole_over_any_line() {
     let image = image();
     for seed in 0..300 {
         let (board, memory) = FakeBoard::new();
+        memory.lock().unwrap().keeps_ahead = seed % 2 == 0;
         let line = Faulty::new(board, Faults::all(0.05), seed);
         let mut client = Client::connect_as(Box::new(line), 1 + seed as u32).unwrap();
         let mut done = Vec::new();

@@ -1,19 +1,16 @@
 //! Upload of a table: a few chunks under way at a time, resumed where the board says.
 //!
-//! The board takes only the chunk that it waits for and answers every chunk with the offset that it wants next. So the
-//! host needs no account of single chunks: it sends ahead up to [`WINDOW`], and when an answer shows a gap, or no answer
-//! comes, it goes back to the wanted offset.
+//! The board answers every chunk with the offset that it wants next; [`Window`] decides from the answers what is sent.
 
-use std::collections::VecDeque;
+mod window;
 
 use darm_arm::image::UploadImage;
-use darm_core::wire::message::{Answer, CHUNK, Refusal, Request};
+use darm_core::wire::message::{Answer, Refusal, Request};
 
 use super::exchange::PATIENCE_S;
 use super::{AnswerError, Client, ClientError};
+use window::{Piece, Window};
 
-/// Chunks under way: together they fit the board's receive buffer of 1 KiB.
-const WINDOW: usize = 3;
 /// An upload that the board has forgotten or found damaged starts again this many times.
 const RESTARTS: u32 = 8;
 
@@ -24,13 +21,6 @@ pub struct Progress {
     pub done: u32,
     /// Bytes of the table.
     pub total: u32,
-}
-
-/// A chunk under way.
-struct Sent {
-    number: u16,
-    offset: u32,
-    at_s: f64,
 }
 
 /// See [`Client::upload`].
@@ -65,79 +55,56 @@ fn attempt(client: &mut Client, image: &UploadImage, progress: &mut dyn FnMut(Pr
 fn send_chunks(
     client: &mut Client,
     image: &UploadImage,
-    mut next: u32,
+    next: u32,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<(), ClientError> {
     let total = image.image().len;
     let damaged_before = client.counts().damaged;
-    let mut ahead = next;
-    let mut under_way: VecDeque<Sent> = VecDeque::new();
+    let mut window = Window::new(next, total);
     let (mut heard_s, mut attempts) = (client.now_s(), 0);
     progress(Progress { done: next, total });
-    while next < total {
-        while under_way.len() < WINDOW && ahead < total {
-            under_way.push_back(send_chunk(client, image, ahead, attempts > 0)?);
-            ahead = (ahead + CHUNK as u32).min(total);
+    while !window.is_complete() {
+        while let Some(piece) = window.next() {
+            send_piece(client, image, &mut window, piece)?;
         }
-        match next_answer(client, &mut under_way)? {
-            Some(answer) => {
-                (attempts, heard_s) = (0, client.now_s());
-                if answer.wanted > next {
-                    progress(Progress { done: answer.wanted, total });
-                }
-                next = answer.wanted;
-                if answer.gap {
-                    under_way.clear();
-                    ahead = next;
-                }
-                ahead = ahead.max(next);
+        let before = window.wanted();
+        if hear_answer(client, &mut window)? {
+            (attempts, heard_s) = (0, client.now_s());
+        } else {
+            attempts += 1;
+            let waited_s = client.now_s() - heard_s;
+            if waited_s > PATIENCE_S {
+                return Err(client.exchange.silence(attempts, waited_s, damaged_before));
             }
-            None => {
-                attempts += 1;
-                let waited_s = client.now_s() - heard_s;
-                if waited_s > PATIENCE_S {
-                    return Err(client.exchange.silence(attempts, waited_s, damaged_before));
-                }
-                under_way.clear();
-                ahead = next;
-            }
+        }
+        if window.wanted() > before {
+            progress(Progress { done: window.wanted(), total });
         }
     }
     Ok(())
 }
 
-fn send_chunk(client: &mut Client, image: &UploadImage, offset: u32, again: bool) -> Result<Sent, ClientError> {
-    let rest = &image.bytes()[offset as usize..];
-    let bytes = &rest[..rest.len().min(CHUNK)];
+fn send_piece(client: &mut Client, image: &UploadImage, window: &mut Window, piece: Piece) -> Result<(), ClientError> {
+    let Piece { offset, len, again } = piece;
+    let bytes = &image.bytes()[offset as usize..(offset + len) as usize];
     let (header, frame) = client.exchange.prepare(&Request::Chunk { offset, bytes })?;
-    let at_s = client.now_s();
-    client.exchange.send(&frame, again)?;
-    Ok(Sent { number: header.number, offset, at_s })
+    window.on_sent(piece, header.number, client.now_s());
+    client.exchange.send(&frame, again)
 }
 
-/// An answer to a chunk.
-struct Wanted {
-    /// The offset that the board wants next.
-    wanted: u32,
-    /// The chunk came ahead of the wanted one and was not taken: the ones between are lost, and so are those behind.
-    gap: bool,
-}
-
-/// The next answer to a chunk, if one comes in time. Chunks that were sent before it and have no answer have lost theirs.
-fn next_answer(client: &mut Client, under_way: &mut VecDeque<Sent>) -> Result<Option<Wanted>, ClientError> {
+/// Waits for the next answer to a piece; whether one came in time.
+fn hear_answer(client: &mut Client, window: &mut Window) -> Result<bool, ClientError> {
     let end_s = client.now_s() + client.exchange.retry_timer().wait_s();
     while let Some(arrival) = client.exchange.next_reply(end_s)? {
-        let Some(at) = under_way.iter().position(|sent| sent.number == arrival.number) else {
-            continue;
-        };
-        if let Some(sent) = under_way.drain(..=at).next_back() {
-            let wanted = wanted(&client.exchange.open("chunk", &arrival, sent.at_s)?)?;
-            client.exchange.retry_timer().on_answer(arrival.received_s - sent.at_s);
-            return Ok(Some(Wanted { wanted, gap: sent.offset > wanted }));
-        }
+        let Some(sent_s) = window.sent_s(arrival.number) else { continue };
+        let wanted = wanted(&client.exchange.open("chunk", &arrival, sent_s)?)?;
+        client.exchange.retry_timer().on_answer(arrival.received_s - sent_s);
+        window.on_answer(arrival.number, wanted);
+        return Ok(true);
     }
     client.exchange.retry_timer().on_silence();
-    Ok(None)
+    window.on_silence();
+    Ok(false)
 }
 
 fn wanted(answer: &Answer) -> Result<u32, ClientError> {

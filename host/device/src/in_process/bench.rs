@@ -234,6 +234,7 @@ impl Bench {
         if self.firmware.is_some() {
             self.wires.clock.advance(TICK);
         }
+        self.flash.advance(TICK);
         if !self.to_board.is_empty() {
             let sent = self.to_board.make_contiguous();
             let taken = self.wires.console_in.push_slice(sent);

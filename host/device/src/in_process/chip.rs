@@ -60,6 +60,23 @@ impl Chip {
         }
     }
 
+    /// Time of an erase of that many bytes meanwhile the control tick runs: DS10969, table of the flash's characteristics,
+    /// t_ERASE.
+    pub(super) const fn erase_time(self) -> Micros {
+        match self {
+            Self::Stm32l475 => Micros(22_020),
+            Self::Rp2040 => Micros(0),
+        }
+    }
+
+    /// Time of the write of one piece meanwhile the control tick runs: the same table, t_prog of 64 bits.
+    pub(super) const fn write_time(self) -> Micros {
+        match self {
+            Self::Stm32l475 => Micros(82),
+            Self::Rp2040 => Micros(0),
+        }
+    }
+
     /// How often an erase gives way to other tasks: 22 ms of an STM32L475, where they run meanwhile; on the RP2040 once, after
     /// it.
     pub(super) const fn erase_yields(self) -> usize {

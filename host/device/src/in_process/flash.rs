@@ -29,6 +29,8 @@ struct Cells {
     bytes: Vec<u8>,
     /// Time for which operations since it was taken last let no control tick run.
     paused: Micros,
+    /// The board's time, where operations during which the control tick runs take the time of the part.
+    timed: Option<Micros>,
     /// Words until the power fails; `None` if it does not.
     words_left: Option<u32>,
     noise: u64,
@@ -147,7 +149,15 @@ impl MemoryFlash {
     pub fn new(chip: Chip) -> Self {
         let bytes = vec![0xff; flash_bytes(chip.erase_bytes())];
         let paused = Micros(0);
-        Self(Arc::new(Mutex::new(Cells { chip, bytes, paused, words_left: None, noise: 1, overwrites: 0 })))
+        Self(Arc::new(Mutex::new(Cells {
+            chip,
+            bytes,
+            paused,
+            timed: None,
+            words_left: None,
+            noise: 1,
+            overwrites: 0,
+        })))
     }
 
     /// The chip.
@@ -158,6 +168,36 @@ impl MemoryFlash {
     /// Time for which operations since the last call let no control tick run.
     pub(super) fn take_pause(&self) -> Micros {
         std::mem::take(&mut self.cells().paused)
+    }
+
+    /// From now on operations during which the control tick runs take the part's own time, on the board's clock; otherwise
+    /// they give way a few times and take none. For measurements.
+    pub fn keep_times(&self) {
+        self.cells().timed = Some(Micros(0));
+    }
+
+    /// The board's clock advances.
+    pub(super) fn advance(&self, span: Micros) {
+        if let Some(now) = &mut self.cells().timed {
+            *now = *now + span;
+        }
+    }
+
+    /// Gives way until an operation of this time has ended, or so often where operations take no time.
+    async fn wait(&self, span: Micros, yields: usize) {
+        let now = || self.cells().timed;
+        match now() {
+            Some(start) => {
+                while now().is_some_and(|now| now - start < span) {
+                    yield_now().await;
+                }
+            }
+            None => {
+                for _ in 0..yields {
+                    yield_now().await;
+                }
+            }
+        }
     }
 
     /// All its bytes, as a file of an emulated board's flash holds them.
@@ -238,9 +278,7 @@ impl MemoryFlash {
         for page in pages.step_by(chip.erase_bytes()) {
             self.power().await;
             self.pause(chip.erase_pause(), |cells| cells.erase_page(page));
-            for _ in 0..chip.erase_yields() {
-                yield_now().await;
-            }
+            self.wait(chip.erase_time(), chip.erase_yields()).await;
         }
         self.power().await;
         Ok(())
@@ -258,6 +296,8 @@ impl MemoryFlash {
                 yield_now().await;
             }
         }
+        let words = bytes.len().div_ceil(chip.page_bytes()) as u64;
+        self.wait(Micros(words * chip.write_time().0), 0).await;
         self.power().await;
         Ok(())
     }

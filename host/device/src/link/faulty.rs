@@ -172,7 +172,7 @@ impl<L: Link> Faulty<L> {
 }
 
 /// Cuts after every zero byte that ends something.
-fn pieces(bytes: &[u8]) -> Vec<Vec<u8>> {
+pub(super) fn pieces(bytes: &[u8]) -> Vec<Vec<u8>> {
     let mut pieces: Vec<Vec<u8>> = Vec::new();
     for part in bytes.split_inclusive(|&byte| byte == 0) {
         match pieces.last_mut() {
@@ -226,7 +226,7 @@ impl<L: Link> Link for Faulty<L> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use std::time::Duration;
 
     use super::{Faults, Faulty};
@@ -234,7 +234,7 @@ mod tests {
 
     /// Gives back what was sent; its time passes only by waiting.
     #[derive(Default)]
-    struct Echo {
+    pub(in crate::link) struct Echo {
         bytes: Vec<u8>,
         now_s: f64,
     }

@@ -11,6 +11,7 @@
 
 mod descriptor;
 pub mod faulty;
+pub mod paced;
 pub mod serial;
 pub mod socket;
 
