@@ -243,6 +243,7 @@ fn the_longest_control_tick_and_the_stack_keep_their_limits() {
     client.command(Command::Play).unwrap();
     bench.events_until(&mut client, |event| event == Event::Finished);
     client.status().unwrap();
+    let reported = client.health().unwrap().unwrap();
     let measured = bench.with(PicoBench::measure);
     let share = 100.0 * measured.longest_cycles as f64 / CYCLES_PER_TICK;
     println!("FIGURE pico: longest control tick = {} instructions", measured.longest_instructions);
@@ -250,6 +251,16 @@ fn the_longest_control_tick_and_the_stack_keep_their_limits() {
     println!("FIGURE pico: stack in use, measured = {} bytes", measured.stack_bytes);
     assert!(measured.ticks > 3_000, "{measured:?}");
     assert!(share <= 40.0, "{measured:?}");
+    // The board finds the same stack by itself, up to a call that went deeper between the two.
+    let stack = reported.stack.unwrap();
+    assert!(
+        stack.size == 24 * 1024 && stack.used.abs_diff(measured.stack_bytes as u32) <= 256,
+        "{stack:?} {measured:?}"
+    );
+    // The ticks alone take a tenth of the time.
+    let load = reported.load_permille.unwrap();
+    println!("FIGURE pico: load while a table is played = {} %", 0.1 * f64::from(load));
+    assert!((50..900).contains(&load), "{load} permille");
     // Of the 24 KiB that `memory.x` gives.
     assert!(measured.stack_bytes <= 85 * 24 * 1024 / 100, "{measured:?}");
 }

@@ -1,4 +1,5 @@
-//! What a board reports of itself: clock, cause of the last reset, errors of its lines, of its flash and of the output chain.
+//! What a board reports of itself: clock, cause of the last reset, errors of its lines, of its flash and of the output chain,
+//! load and stack.
 //!
 //! What a board cannot know is `None`, or 0 where it counts. All counts are since the start.
 
@@ -27,6 +28,19 @@ pub struct Health {
     pub chain: Option<ChainHealth>,
     /// Settings of the chip that outlive a new firmware.
     pub options: Option<ChipOptions>,
+    /// Share of the last second in which the core did not sleep, in thousandths.
+    pub load_permille: Option<u16>,
+    /// The stack.
+    pub stack: Option<StackUse>,
+}
+
+/// How much of the stack was ever in use since the start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StackUse {
+    /// Bytes in use at most.
+    pub used: u32,
+    /// Bytes that it has.
+    pub size: u32,
 }
 
 /// What a board's clock comes from.
@@ -123,7 +137,7 @@ impl fmt::Display for ResetCause {
 
 #[cfg(test)]
 mod tests {
-    use super::{ChainHealth, ChipOptions, ClockSource, Health, LineErrors, ResetCause};
+    use super::{ChainHealth, ChipOptions, ClockSource, Health, LineErrors, ResetCause, StackUse};
     use crate::units::Micros;
     use crate::wire::message::{Answer, Reply, Request};
 
@@ -138,6 +152,8 @@ mod tests {
             flash_uncorrected: 11,
             chain: Some(ChainHealth { chips: 2, errors: 12 }),
             options: Some(ChipOptions { brown_out_mv: 2800, debugger_allowed: true, keeps_on_times: false }),
+            load_permille: Some(300),
+            stack: Some(StackUse { used: 9, size: 13 }),
         }
     }
 
@@ -147,15 +163,15 @@ mod tests {
         assert_eq!(postcard::to_slice(&Request::Health, &mut bytes).unwrap(), [11]);
         let reply = Reply { at: Micros(5), result: Ok(Answer::Health(health())) };
         let encoded = postcard::to_slice(&reply, &mut bytes).unwrap();
-        let expected = [5, 0, 9, 1, 2, 1, 1, 1, 2, 3, 4, 5, 6, 7, 0xac, 2, 9, 10, 11, 1, 2, 12, 1, 0xf0, 0x15, 1, 0];
-        assert_eq!(encoded, expected);
+        let known = [5, 0, 9, 1, 2, 1, 1, 1, 2, 3, 4, 5, 6, 7, 0xac, 2, 9, 10, 11, 1, 2, 12, 1, 0xf0, 0x15, 1, 0];
+        assert_eq!(encoded, [&known[..], &[1, 0xac, 2, 1, 9, 13]].concat());
         assert_eq!(postcard::from_bytes::<Reply>(encoded), Ok(reply));
     }
 
     #[test]
     fn a_board_that_knows_nothing_sends_zeros() {
         let mut bytes = [0xa5; 64];
-        assert_eq!(postcard::to_slice(&Health::default(), &mut bytes).unwrap(), [0; 15]);
+        assert_eq!(postcard::to_slice(&Health::default(), &mut bytes).unwrap(), [0; 17]);
     }
 
     #[test]

@@ -14,6 +14,7 @@ use defmt_rtt as _;
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
+    board::paint_stack();
     restart::enter_loader_if_asked();
     let cause = watchdog::take_cause();
     board::note_cause(cause);
@@ -35,6 +36,6 @@ fn main() -> ! {
     }
     tasks::start(crash, start, tasks::room());
     loop {
-        cortex_m::asm::wfi();
+        board::sleep();
     }
 }

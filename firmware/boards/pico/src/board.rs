@@ -13,10 +13,13 @@
 
 use darm_core::units::{DeviceId, Micros};
 use darm_core::wire::bootstrap::RebootTarget;
+use darm_core::wire::health::Health;
 use darm_firmware::clock::Clock;
 use darm_firmware::control::Inputs;
 use darm_firmware::crash::Kept;
 use darm_firmware::hardware::{Hardware, Pins};
+use darm_firmware::load::Load;
+use darm_firmware::stack::StackMemory;
 use embassy_rp::pac;
 use embassy_rp::rom_data::reset_to_usb_boot;
 use embassy_time::{Instant, Timer};
@@ -34,6 +37,9 @@ pub(crate) const ENABLE: usize = 5;
 /// Start-up code neither clears nor fills this section.
 #[unsafe(link_section = ".uninit.KEPT")]
 static KEPT: Kept = Kept::new();
+
+/// How busy the core is.
+static LOAD: Load = Load::new();
 
 /// The board.
 pub(crate) struct Board;
@@ -69,6 +75,10 @@ impl Hardware for Board {
         id
     }
 
+    fn health() -> Health {
+        Health { load_permille: LOAD.permille(), stack: Some(stack().usage()), ..Health::default() }
+    }
+
     fn open_flash() -> Option<Flash> {
         Some(Flash::open())
     }
@@ -102,6 +112,34 @@ impl Hardware for Board {
     fn kept() -> &'static Kept {
         &KEPT
     }
+}
+
+/// The memory of the stack.
+#[inline(always)]
+fn stack() -> StackMemory {
+    unsafe extern "C" {
+        static mut _stack_end: u32;
+        static mut _stack_start: u32;
+    }
+    // SAFETY: the linker gives this memory to the stack, see `memory.x`.
+    unsafe { StackMemory::new(&raw mut _stack_end, &raw mut _stack_start) }
+}
+
+/// Paints what is free of the stack. Call first of all in `main`.
+#[inline(always)]
+pub(crate) fn paint_stack() {
+    // SAFETY: no interrupt is unmasked yet.
+    unsafe { stack().paint(cortex_m::register::msp::read() as *mut u32) }
+}
+
+/// Sleeps until interrupts have something to do, and lets them; counts the time. For ever in `main`.
+pub(crate) fn sleep() {
+    cortex_m::interrupt::disable();
+    LOAD.sleep(&BoardClock, cortex_m::asm::wfi);
+    // SAFETY: this is no critical section.
+    unsafe { cortex_m::interrupt::enable() };
+    // What waits runs now.
+    cortex_m::asm::isb();
 }
 
 /// Makes switches and jumper readable.

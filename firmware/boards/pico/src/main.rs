@@ -204,11 +204,12 @@ fn start(p: Peripherals, crash: Option<CrashRecord>, start: Start) {
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
+    board::paint_stack();
     let p = embassy_rp::init(embassy_rp::config::Config::default());
     let crash = crash::take(Board::kept(), watchdog::take_bite());
     let crashes = crash::count_crash(Board::kept(), crash.is_some());
     start(p, crash, life::start_after(crashes));
     loop {
-        cortex_m::asm::wfi();
+        board::sleep();
     }
 }

@@ -288,6 +288,10 @@ fn health_lines(health: &Health) -> Vec<String> {
         health.chain.map(|chain| format!("chain     {} chips, {} errors at its far end", chain.chips, chain.errors)),
     );
     lines.extend(health.options.as_ref().map(options_line));
+    lines.extend(
+        health.load_permille.map(|load| format!("load      {:.1} % of the last second", 0.1 * f64::from(load))),
+    );
+    lines.extend(health.stack.map(|stack| format!("stack     {} of {} bytes were in use", stack.used, stack.size)));
     lines
 }
 

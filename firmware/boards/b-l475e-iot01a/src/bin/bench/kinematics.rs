@@ -5,13 +5,13 @@ use core::hint::black_box;
 
 use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
-use darm_b_l475e_iot01a::measure::Stack;
 use darm_core::dynamics::{inverse_dynamics, mass_matrix};
 use darm_core::ik;
 use darm_core::real::{Mat6, Vec3};
 use darm_core::se::{Pose, Twist};
 use darm_core::tree::puma560::{NEAR_M, NEAR_NM, SAMPLE};
 use darm_core::tree::{Frames, Inertia, Joint, LinkFrame, Tree};
+use darm_firmware::stack::StackMemory;
 
 use crate::{check, print, puma560};
 
@@ -118,7 +118,7 @@ fn check_values(tree: &Tree<f32, 6>, tool: &LinkFrame<f32>, motion: &[[f32; 6]; 
 
 /// Counts, checks and prints; the stack is what all of this needs.
 #[inline(never)]
-pub(crate) fn measure(stack: &Stack) {
+pub(crate) fn measure(stack: &StackMemory) {
     // SAFETY: nothing else uses the counter before the tasks start.
     let mut timer = unsafe { cortex_m::Peripherals::steal() }.SYST;
     timer.set_clock_source(SystClkSource::Core);
@@ -130,7 +130,7 @@ pub(crate) fn measure(stack: &Stack) {
     check_values(&PUMA, &TOOL, &motion);
     let of_puma = counts(&PUMA, &TOOL, &motion);
     let of_plain = counts(&plain, &plain.frame(5, &Pose::identity()), &motion);
-    let used = stack.used();
+    let used = stack.usage().used;
     timer.disable_counter();
     for (arm, counts) in [("z_y_arm", of_plain), ("Puma_560", of_puma)] {
         counts.iter().for_each(|(name, count)| print(arm, name, count, "instructions"));

@@ -2,11 +2,12 @@
 //! against its own.
 use core::hint::black_box;
 
-use darm_b_l475e_iot01a::measure::{self, Stack};
+use darm_b_l475e_iot01a::measure;
 use darm_core::chain::Scratch;
 use darm_core::model::Model;
 use darm_core::se::Pose;
 use darm_core::units::Word;
+use darm_firmware::stack::StackMemory;
 
 use crate::{check, corrected, print};
 
@@ -32,7 +33,7 @@ fn predict(word: Word, scratch: &mut Scratch<f32, 6>) -> Option<Pose<f32>> {
 
 /// Prints the poses, by rows of the rotation and then the position, and what one of them takes.
 #[inline(never)]
-pub(crate) fn measure(stack: &Stack) {
+pub(crate) fn measure(stack: &StackMemory) {
     let mut scratch = Scratch::default();
     let (mut longest, mut shortest) = (0, u32::MAX);
     for digits in WORDS {
@@ -48,5 +49,5 @@ pub(crate) fn measure(stack: &Stack) {
     }
     print("corrected_model", "pose_of_a_word_at_least", shortest, "instructions");
     print("corrected_model", "pose_of_a_word_at_most", longest, "instructions");
-    print("corrected_model", "stack", stack.used(), "bytes");
+    print("corrected_model", "stack", stack.usage().used, "bytes");
 }

@@ -17,7 +17,6 @@ use core::mem::MaybeUninit;
 
 use cortex_m_semihosting::{debug, hprintln};
 use darm_b_l475e_iot01a::flash::Flash;
-use darm_b_l475e_iot01a::measure::Stack;
 use darm_b_l475e_iot01a::tasks::SHARED;
 use darm_b_l475e_iot01a::{board, clocks, measure, tasks, time, uart};
 use darm_core::actuator::{Leg, Platform, Stage};
@@ -38,6 +37,7 @@ use darm_core::wire::message::{CHUNK, Image, ImageKind, REQUEST, Request};
 use darm_firmware::clock::Clock;
 use darm_firmware::life::Start;
 use darm_firmware::nearest::Room;
+use darm_firmware::stack::StackMemory;
 use darm_firmware::store::Store;
 use defmt_rtt as _;
 use serde::Serialize;
@@ -314,7 +314,7 @@ fn measure_search(room: &mut Room, typical: &Pose<f32>, target: &Pose<f32>) {
 }
 
 #[inline(never)]
-fn measure_all(stack: &Stack, profile: Digest) {
+fn measure_all(stack: &StackMemory, profile: Digest) {
     measure::take();
     critical_section::with(|_| ());
     let overhead = measure::take().masked;
@@ -341,7 +341,7 @@ fn measure_all(stack: &Stack, profile: Digest) {
     let [.., (_, actuators, servos)] = ARMS;
     record(table, profile, actuators, servos);
     (0..STORES).for_each(|_| host.upload(table));
-    print("board", "stack", stack.used(), "bytes");
+    print("board", "stack", stack.usage().used, "bytes");
     print_lateness();
 }
 
@@ -357,7 +357,7 @@ fn print_lateness() {
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    let stack = Stack::paint();
+    let stack = board::paint_stack();
     check("the clock starts", clocks::start().is_ok());
     kinematics::measure(&stack);
     time::start();
@@ -366,10 +366,10 @@ fn main() -> ! {
     // The stack has no room for a second one.
     let room = tasks::room();
     measure_nearest(room);
-    print("nearest", "stack", stack.used(), "bytes");
+    print("nearest", "stack", stack.usage().used, "bytes");
     let profile = store_profile();
     // The measurements above had the stack of the thread to themselves, as no image does.
-    let stack = Stack::paint();
+    let stack = board::paint_stack();
     tasks::start(None, Start::Normal, room);
     measure_all(&stack, profile);
     debug::exit(debug::EXIT_SUCCESS);
