@@ -131,8 +131,10 @@ mod tests {
         assert_eq!(items::<bench::SynthesisSweep>(json!({})).len(), 17 * 200 + 100);
         assert_eq!(items::<bench::Reach>(json!({ "seed": 1 })).len(), 1 + 1000);
         assert_eq!(
-            items::<faults::Job>(json!({ "kills": 51, "frames": null, "stops": 20, "pico": null, "serve": null }))
-                .len(),
+            items::<faults::Job>(
+                json!({ "kills": 51, "page": null, "frames": null, "stops": 20, "pico": null, "serve": null })
+            )
+            .len(),
             3
         );
         let grasp = items::<papers::Grasp>(json!({ "n": 10, "held_out": 250, "lambdas": 2 }));
