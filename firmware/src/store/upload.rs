@@ -117,7 +117,7 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// Takes bytes of the image; the offset wanted next. What has arrived already changes nothing, and what comes too early
-    /// only if it is a complete [`BLOCK`].
+    /// only if it is a complete `BLOCK`.
     ///
     /// # Errors
     ///
