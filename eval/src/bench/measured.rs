@@ -234,10 +234,14 @@ impl Report {
     }
 }
 
+/// The effects of an answer.
+pub(super) fn effects(report: &Value) -> &[Value] {
+    report["effects"].as_array().map_or(&[][..], Vec::as_slice)
+}
+
 /// The laws that were named, each with how often.
 fn names(report: &Value) -> String {
-    let effects = report["effects"].as_array().map_or(&[][..], Vec::as_slice);
-    let mut laws: Vec<&str> = effects.iter().filter_map(|effect| effect["law"].as_str()).collect();
+    let mut laws: Vec<&str> = effects(report).iter().filter_map(|effect| effect["law"].as_str()).collect();
     laws.sort_unstable();
     let counted = laws.chunk_by(|a, b| a == b).map(|same| format!("{} ×{}", same[0], same.len()));
     counted.collect::<Vec<_>>().join(", ")

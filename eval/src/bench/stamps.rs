@@ -12,7 +12,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
 
-use super::measured::{CASES, Case, build};
+use super::measured::{CASES, Case, build, effects};
 use crate::blind::Layout;
 
 /// What is done to the stamps.
@@ -100,9 +100,8 @@ fn name(layout: Layout) -> &'static str {
 
 /// Laws and places that are named.
 fn names(answer: &Value) -> BTreeSet<String> {
-    let effects = answer["effects"].as_array().map_or(&[][..], Vec::as_slice);
     let text = |effect: &Value, key: &str| effect[key].as_str().unwrap_or_default().to_owned();
-    effects.iter().map(|effect| text(effect, "law") + " " + &text(effect, "where")).collect()
+    effects(answer).iter().map(|effect| text(effect, "law") + " " + &text(effect, "where")).collect()
 }
 
 /// The table as text, its stamps changed.

@@ -54,8 +54,9 @@ impl EvenGrid {
     pub fn rate(&self, values: &[f64]) -> Vec<f64> {
         let mut rates = values.to_vec();
         self.apply(&mut rates, |part| {
-            let differences: Vec<f64> = (0..part.len()).map(|k| difference(part, k) / self.step_s).collect();
-            part.iter_mut().zip(differences).for_each(|(rate, own)| *rate = if self.step_s > 0.0 { own } else { 0.0 });
+            let rate = |k: usize| if self.step_s > 0.0 { difference(part, k) / self.step_s } else { 0.0 };
+            let rates: Vec<f64> = (0..part.len()).map(rate).collect();
+            part.copy_from_slice(&rates);
         });
         rates
     }
