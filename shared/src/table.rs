@@ -115,6 +115,19 @@ pub fn wiring<'r>(records: impl IntoIterator<Item = &'r Record>) -> Result<Wirin
     Ok(wiring)
 }
 
+/// The records of a table before those of its modules and rows, for a board that is wired so: the inverse of [`wiring`].
+pub fn head(
+    wiring: &Wiring,
+    model: ModelHash,
+    device: Option<DeviceId>,
+    profile: Digest,
+) -> impl Iterator<Item = Record> {
+    core::iter::once(Record::Start { model, device, profile, switch_limit: wiring.switch_limit })
+        .chain(wiring.coils.iter().copied().map(Record::Coil))
+        .chain(wiring.actuators.iter().copied().map(Record::Actuator))
+        .chain(wiring.servos.iter().copied().map(Record::Servo))
+}
+
 /// A complete table in memory.
 #[derive(Clone, Debug, Default)]
 pub struct Table {

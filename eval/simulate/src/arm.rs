@@ -6,7 +6,7 @@ use darm_core::output::{
     ActuatorWiring, Coil, CoilLimit, Drive, LimitSwitch, MAX_COILS, ServoWiring, SwitchLimit, Wiring,
 };
 use darm_core::profile::{EmergencyStop, Profile};
-use darm_core::table::{Board, Checker, Record, Row};
+use darm_core::table::{Board, Checker, Record, Row, head};
 use darm_core::units::{Digest, Micros, ModelHash, Word};
 use rand::RngExt as _;
 use rand::seq::SliceRandom as _;
@@ -352,10 +352,5 @@ fn keep_pauses(wiring: &Wiring, records: &mut [Record]) {
 }
 
 fn wiring_records(wiring: &Wiring, profile: Digest, model: u64) -> Vec<Record> {
-    let (model, switch_limit) = (ModelHash(model), wiring.switch_limit);
-    let mut records = vec![Record::Start { model, device: None, profile, switch_limit }];
-    records.extend(wiring.coils.iter().copied().map(Record::Coil));
-    records.extend(wiring.actuators.iter().copied().map(Record::Actuator));
-    records.extend(wiring.servos.iter().copied().map(Record::Servo));
-    records
+    head(wiring, ModelHash(model), None, profile).collect()
 }

@@ -9,7 +9,7 @@ use anyhow::Result;
 use darm_arm::board_profile::BoardProfile;
 use darm_arm::image::UploadImage;
 use darm_core::output::{ActuatorWiring, Coil, CoilLimit, Drive, ServoWiring, Wiring};
-use darm_core::table::{MAX_ROWS, Record, Row};
+use darm_core::table::{MAX_ROWS, Record, Row, head};
 use darm_core::units::{Micros, ModelHash, Word};
 use darm_device::client::Client;
 use darm_device::in_process::{InProcess, MemoryFlash};
@@ -91,10 +91,7 @@ fn upload(image: &UploadImage, line: Line, seed: u64) -> Result<Upload> {
 fn longest_table() -> UploadImage {
     let (wiring, model) = (wiring(), ModelHash(9));
     let profile = profile().profile.digest;
-    let mut records = vec![Record::Start { model, device: None, profile, switch_limit: wiring.switch_limit }];
-    records.extend(wiring.coils.iter().copied().map(Record::Coil));
-    records.extend(wiring.actuators.iter().copied().map(Record::Actuator));
-    records.extend(wiring.servos.iter().copied().map(Record::Servo));
+    let mut records: Vec<Record> = head(&wiring, model, None, profile).collect();
     for row in 0..MAX_ROWS as u64 {
         let mut digits = [0; ACTUATORS as usize];
         digits[row as usize % digits.len()] = 1;

@@ -11,7 +11,7 @@ mod timeline;
 use std::fmt;
 
 use darm_core::output::{CoilLimit, Wiring};
-use darm_core::table::{Board, Checker, MAX_ROWS, Record, Row, RowError, TableError};
+use darm_core::table::{Board, Checker, MAX_ROWS, Record, Row, RowError, TableError, head};
 use darm_core::units::{Micros, Word};
 
 use self::rests::Rests;
@@ -152,7 +152,7 @@ pub fn plan(arm: &Arm, visits: &[Visit], board: &Board<'_>, modules: &[Record]) 
 /// As [`plan`]; of the limits of an output only those that no rest keeps.
 pub fn plan_with_rests(arm: &Arm, visits: &[Visit], board: &Board<'_>, modules: &[Record]) -> Result<Plan, PlanError> {
     let wiring = wiring(arm, board.profile).map_err(PlanError::Wiring)?;
-    let rests = Rests::new(start(arm, board, &wiring), board, &wiring);
+    let rests = Rests::new(head(&wiring, arm.hash(), board.device, board.profile.digest), board, &wiring);
     planned(arm, visits, &Program { board, modules, wiring: &wiring, rests: Some(rests) })
 }
 
@@ -229,22 +229,10 @@ struct Contents<'a> {
     end: Micros,
 }
 
-/// The records before those of modules and rows.
-fn start(arm: &Arm, board: &Board<'_>, wiring: &Wiring) -> Vec<Record> {
-    let profile = board.profile.digest;
-    let start = Record::Start { model: arm.hash(), device: board.device, profile, switch_limit: wiring.switch_limit };
-    std::iter::once(start)
-        .chain(wiring.coils.iter().map(|coil| Record::Coil(*coil)))
-        .chain(wiring.actuators.iter().map(|actuator| Record::Actuator(*actuator)))
-        .chain(wiring.servos.iter().map(|servo| Record::Servo(*servo)))
-        .collect()
-}
-
 /// The table's bytes, every record passed by the board's own checker.
 fn encode(arm: &Arm, board: &Board<'_>, contents: &Contents<'_>) -> Result<UploadImage, TableError> {
     let &Contents { wiring, modules, rows, end } = contents;
-    let records = start(arm, board, wiring)
-        .into_iter()
+    let records = head(wiring, arm.hash(), board.device, board.profile.digest)
         .chain(modules.iter().cloned())
         .chain(rows.iter().map(|row| Record::Row(row.clone())))
         .chain([Record::End { at: end }]);

@@ -3,7 +3,7 @@
 use darm_arm::board_profile::BoardProfile;
 use darm_arm::image::UploadImage;
 use darm_core::output::{ActuatorWiring, Coil, CoilLimit, Drive, LimitSwitch, ServoWiring, Wiring};
-use darm_core::table::{Record, Row};
+use darm_core::table::{Record, Row, head};
 use darm_core::units::{Micros, ModelHash, Word};
 
 /// Time from one row to the next.
@@ -54,10 +54,7 @@ pub(crate) fn table(wiring: &Wiring, words: &[Word], model: ModelHash) -> Upload
 pub(crate) fn table_with(wiring: &Wiring, words: &[Word], model: ModelHash, modules: &[Record]) -> UploadImage {
     let at = |row: usize| Micros::from_millis(ROW_MS * row as u32);
     let profile = profile(wiring).profile.digest;
-    let mut records = vec![Record::Start { model, device: None, profile, switch_limit: wiring.switch_limit }];
-    records.extend(wiring.coils.iter().copied().map(Record::Coil));
-    records.extend(wiring.actuators.iter().copied().map(Record::Actuator));
-    records.extend(wiring.servos.iter().copied().map(Record::Servo));
+    let mut records: Vec<Record> = head(wiring, model, None, profile).collect();
     records.extend(modules.iter().cloned());
     for (row, &word) in words.iter().enumerate() {
         let servos = wiring.servos.iter().map(|_| servo_angle_rad(row % 10)).collect();

@@ -21,10 +21,10 @@ pub(super) struct Rests<'a> {
 }
 
 impl<'a> Rests<'a> {
-    pub(super) fn new(start: Vec<Record>, board: &'a Board<'a>, wiring: &Wiring) -> Self {
+    pub(super) fn new(head: impl Iterator<Item = Record>, board: &'a Board<'a>, wiring: &Wiring) -> Self {
         let mut checker = Checker::default();
         // What is wrong with these is found again, and reported, when the complete table is checked.
-        for record in start {
+        for record in head {
             let _ = checker.admit(&record, board);
         }
         let windows_ms = wiring.coils.iter().map(|coil| coil.limit.window_ms.max(coil.limit.max_on_ms));

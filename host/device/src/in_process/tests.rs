@@ -2,7 +2,7 @@
 
 use darm_core::output::{ActuatorWiring, Coil, CoilLimit, Drive, LimitSwitch, ServoWiring, Wiring};
 use darm_core::sequencer::{Command, Event, FaultKind, Phase};
-use darm_core::table::{Record, Row};
+use darm_core::table::{Record, Row, head};
 use darm_core::units::{ActuatorId, Micros, ModelHash, Word};
 
 use super::{Chip, InProcess, MemoryFlash};
@@ -43,10 +43,7 @@ fn profile() -> BoardProfile {
 fn table(words: &[Word]) -> UploadImage {
     let (wiring, model) = (wiring(), ModelHash(9));
     let profile = profile().profile.digest;
-    let mut records = vec![Record::Start { model, device: None, profile, switch_limit: wiring.switch_limit }];
-    records.extend(wiring.coils.iter().copied().map(Record::Coil));
-    records.extend(wiring.actuators.iter().copied().map(Record::Actuator));
-    records.extend(wiring.servos.iter().copied().map(Record::Servo));
+    let mut records: Vec<Record> = head(&wiring, model, None, profile).collect();
     for (row, &word) in words.iter().enumerate() {
         let servos = [0.1 * (row % 2) as f32].into_iter().collect();
         records.push(Record::Row(Row { at: Micros(200_000 * row as u64), word, servos }));
