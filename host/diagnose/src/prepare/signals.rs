@@ -221,8 +221,7 @@ impl Prepared {
 
     /// A channel of every row with its rates, thinned.
     pub fn rates(&self, position: Vec<f64>) -> [Vec<f64>; 3] {
-        let velocity = self.all.motion_grid.rate(&position);
-        let acceleration = self.all.motion_grid.rate(&velocity);
+        let [velocity, acceleration] = self.all.motion_grid.rates(&position);
         [position, velocity, acceleration].map(|channel| self.thin(&channel))
     }
 
