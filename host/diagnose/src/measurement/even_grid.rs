@@ -62,13 +62,17 @@ impl EvenGrid {
     /// They are taken for a rate in which both are farther apart than noise makes them.
     pub fn rates(&self, values: &[f64]) -> [Vec<f64>; 2] {
         let noise = self.noise_squared(values) / self.step_s.powi(2);
-        let narrow = self.rates_by(values, narrow);
+        let [first, second] = self.rates_of_smooth(values);
         let [of_first, of_second] = self.rates_by(values, wide);
-        let [first, second] = narrow;
         [
             nearer(first, of_first, APART_IN_FIRST * noise),
             nearer(second, of_second, APART_IN_SECOND * noise / self.step_s.powi(2)),
         ]
+    }
+
+    /// The same by the differences over two steps alone: noise that a low-pass has passed shows in no sixth difference.
+    pub fn rates_of_smooth(&self, values: &[f64]) -> [Vec<f64>; 2] {
+        self.rates_by(values, narrow)
     }
 
     fn rates_by(&self, values: &[f64], difference: Difference) -> [Vec<f64>; 2] {

@@ -221,7 +221,11 @@ impl Prepared {
 
     /// A channel of every row with its rates, thinned.
     pub fn rates(&self, position: Vec<f64>) -> [Vec<f64>; 3] {
-        let [velocity, acceleration] = self.all.motion_grid.rates(&position);
+        let AllRows { motion_grid, filter, .. } = &*self.all;
+        let [velocity, acceleration] = match filter {
+            Some(_) => motion_grid.rates_of_smooth(&position),
+            None => motion_grid.rates(&position),
+        };
         [position, velocity, acceleration].map(|channel| self.thin(&channel))
     }
 
