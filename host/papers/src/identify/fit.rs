@@ -17,6 +17,11 @@ const PRIOR_RATIO: f64 = 1e-2;
 const MAX_PRIOR_SHARE: f64 = 1e-6;
 /// The last weight of the barriers, in units of the log-likelihood.
 const MIN_WEIGHT: f64 = 1e-9;
+/// The weight of barriers that keeps values in the middle of what is possible, in units of the priors; how often identified
+/// ones move, and halvings of a move.
+const MIDDLE: f64 = 1.0;
+const MOVES: usize = 60;
+const HALVINGS: i32 = 20;
 
 /// Rows agree far better when the mean square of their residuals falls by this.
 const FAR: f64 = 25.0;
@@ -104,6 +109,76 @@ impl<'a> Reduced<'a> {
     }
 }
 
+/// The search for possible parameters x = fitted + map·u, of whose coordinates u the rows identify the first ones.
+struct InCones<'a> {
+    equations: &'a Equations,
+    fitted: &'a DVector<f64>,
+    map: DMatrix<f64>,
+    /// Of the coordinates that are identified.
+    informations: &'a DVector<f64>,
+    /// u of the nominal parameters.
+    to_nominal: DVector<f64>,
+}
+
+impl InCones<'_> {
+    /// Identified coordinates all zero, from others inside the cones: they move to zero as far as the rest, which stays in the
+    /// middle of what is possible, lets them, and again. `None` where they do not get there.
+    fn beside_identified(&self, start: &DVector<f64>) -> Option<DVector<f64>> {
+        let (n, n_identified) = (start.len(), self.informations.len());
+        let n_free = n - n_identified;
+        let map = self.map.columns(n_identified, n_free).into_owned();
+        let problem = |held: &DVector<f64>| {
+            let at = self.fitted + self.map.columns(0, n_identified) * held;
+            let (cones, floors) = self.equations.cones_and_floors(&at);
+            ConicLeastSquares {
+                information: DMatrix::identity(n_free, n_free),
+                gradient: -self.to_nominal.rows(n_identified, n_free),
+                map: Some(map.clone()),
+                cones,
+                floors,
+            }
+        };
+        let (mut held, mut free) =
+            (start.rows(0, n_identified).into_owned(), start.rows(n_identified, n_free).into_owned());
+        for _ in 0..MOVES {
+            free = problem(&held).solve_at(MIDDLE, free);
+            let moved =
+                (0..HALVINGS).map(|k| &held * (1.0 - 0.5f64.powi(k))).find(|held| problem(held).is_inside(&free))?;
+            held = moved;
+            if held.amax() == 0.0 {
+                return Some(self.fitted + &map * problem(&held).solve(free, MIN_WEIGHT));
+            }
+        }
+        None
+    }
+
+    /// Identified coordinates as near to zero as their information asks.
+    fn near_identified(&self, start: DVector<f64>) -> DVector<f64> {
+        let (n, n_identified) = (start.len(), self.informations.len());
+        let (cones, floors) = self.equations.cones_and_floors(self.fitted);
+        let mut problem = ConicLeastSquares {
+            information: DMatrix::from_diagonal(&self.informations.clone().resize_vertically(n, 1.0)),
+            gradient: DVector::from_fn(n, |k, _| if k < n_identified { 0.0 } else { -self.to_nominal[k] }),
+            map: Some(self.map.clone()),
+            cones,
+            floors,
+        };
+        let mut found = problem.solve(start, MIN_WEIGHT);
+        // What the rows identify comes before priors and barriers, however little that is.
+        let min_information = self.informations.min();
+        let mut of_priors = 1.0;
+        while of_priors > MAX_PRIOR_SHARE * min_information {
+            of_priors *= PRIOR_RATIO;
+            for k in n_identified..n {
+                problem.information[(k, k)] = of_priors;
+                problem.gradient[k] = -of_priors * self.to_nominal[k];
+            }
+            found = problem.solve_at(of_priors * MIN_WEIGHT, found);
+        }
+        problem.mapped(&found) + self.fitted
+    }
+}
+
 /// Sum of squared residuals over the rows less the rank.
 fn scatter((columns, right): (&DMatrix<f64>, &DVector<f64>), values: &DVector<f64>, rank: usize) -> f64 {
     (right - columns * values).norm_squared() / right.len().saturating_sub(rank).max(1) as f64
@@ -171,39 +246,25 @@ impl Equations {
         raised
     }
 
-    /// Bodies with positive definite pseudo-inertias and friction that does not push: what the rows identify is as near to
-    /// `fitted` as its information asks, the rest as near to the nominal parameters as the priors ask.
+    /// Bodies with positive definite pseudo-inertias and friction that does not push: what the rows identify as it is where there
+    /// are such, else as near to `fitted` as its information asks; the rest as near to the nominal parameters as the priors ask.
     fn in_cones(
         &self,
         fitted: &DVector<f64>,
         (directions, informations): (DMatrix<f64>, DVector<f64>),
     ) -> DVector<f64> {
-        let (n, n_identified) = (self.unknowns.len(), informations.len());
+        let n = self.unknowns.len();
         // x = fitted + D·Q·u, with Q orthonormal.
         let from_values = |values: &DVector<f64>| directions.tr_mul(&(values - fitted).component_div(&self.prior));
-        let (to_nominal, start) = (from_values(&self.nominal), from_values(&self.inside_all_cones()));
-        let (cones, floors) = self.cones_and_floors(fitted);
-        let map = DMatrix::from_fn(n, n, |a, b| self.prior[a] * directions[(a, b)]);
-        let mut problem = ConicLeastSquares {
-            information: DMatrix::from_diagonal(&informations.resize_vertically(n, 1.0)),
-            gradient: DVector::from_fn(n, |k, _| if k < n_identified { 0.0 } else { -to_nominal[k] }),
-            map: Some(map),
-            cones,
-            floors,
+        let in_cones = InCones {
+            equations: self,
+            fitted,
+            map: DMatrix::from_fn(n, n, |a, b| self.prior[a] * directions[(a, b)]),
+            informations: &informations,
+            to_nominal: from_values(&self.nominal),
         };
-        let mut found = problem.solve(start, MIN_WEIGHT);
-        // What the rows identify comes before priors and barriers, however little that is.
-        let min_information = problem.information.diagonal().rows(0, n_identified).min();
-        let mut of_priors = 1.0;
-        while of_priors > MAX_PRIOR_SHARE * min_information {
-            of_priors *= PRIOR_RATIO;
-            for k in n_identified..n {
-                problem.information[(k, k)] = of_priors;
-                problem.gradient[k] = -of_priors * to_nominal[k];
-            }
-            found = problem.solve_at(of_priors * MIN_WEIGHT, found);
-        }
-        problem.mapped(&found) + fitted
+        let start = from_values(&self.inside_all_cones());
+        in_cones.beside_identified(&start).unwrap_or_else(|| in_cones.near_identified(start))
     }
 
     /// The bodies and the friction among the changes of `fitted`.
@@ -229,8 +290,11 @@ impl Equations {
             match unknown {
                 Unknown::Inertial(Inertial { number: 0, .. }) => {
                     let nominal: [f64; 10] = std::array::from_fn(|i| self.nominal[k + i]);
-                    let mut body = project_physically_consistent(&nominal, &nominal);
-                    [0, 4, 6, 9].iter().for_each(|&i| body[i] += INSIDE * self.prior[k + i]);
+                    // A file may have moments of inertia without a mass.
+                    let mut body = nominal;
+                    body[0] += INSIDE * self.prior[k];
+                    body = project_physically_consistent(&body, &nominal);
+                    [4, 6, 9].iter().for_each(|&i| body[i] += INSIDE * self.prior[k + i]);
                     (0..10).for_each(|i| inside[k + i] = body[i]);
                 }
                 Unknown::Inertial(_) => {}

@@ -192,4 +192,6 @@ fn unknowns(robot: &Robot, kind: Kind) -> Vec<Unknown> {
 }
 
 #[cfg(test)]
+mod motion_tests;
+#[cfg(test)]
 mod tests;

@@ -143,6 +143,11 @@ impl ConicLeastSquares {
         self.map.as_ref().map_or_else(|| values.clone(), |map| map * values)
     }
 
+    /// Whether values u are inside all cones and above all floors.
+    pub fn is_inside(&self, values: &DVector<f64>) -> bool {
+        self.barrier(values).is_some()
+    }
+
     /// All barriers at these values; `None` outside.
     fn barrier(&self, values: &DVector<f64>) -> Option<f64> {
         let x = self.mapped(values);
