@@ -98,7 +98,7 @@ pub(super) fn mark(arm: &Arm, class: Class, blind: &Blind, outcome: &Outcome<Arm
         Class::One | Class::Two => {
             (mark.named, mark.placed) = match outcome.diagnosis.verdict {
                 verdict if verdict.names_effects() => named(blind.unseal(), &outcome.diagnosis.effects),
-                Verdict::NotIdentifiable => in_sets(arm, blind, outcome, SAME * repeats_m)?,
+                Verdict::NotIdentifiable => in_sets(arm, blind, outcome, SAME * repeats_m),
                 _ => (false, false),
             };
             if mark.placed && outcome.diagnosis.verdict.names_effects() {
@@ -137,11 +137,11 @@ pub(super) fn right(truth: &[Named], named: &[Named]) -> (bool, bool) {
 }
 
 /// Whether each true effect is in the set of a different effect, and all members of the sets predict the same.
-fn in_sets(arm: &Arm, blind: &Blind, outcome: &Outcome<ArmCorrection>, same_m: f64) -> Result<(bool, bool)> {
+fn in_sets(arm: &Arm, blind: &Blind, outcome: &Outcome<ArmCorrection>, same_m: f64) -> (bool, bool) {
     let truth = blind.unseal();
     let n = outcome.correction.best_effects.len() - arm.model.effects.len();
     if n != truth.len() {
-        return Ok((false, false));
+        return (false, false);
     }
     let holds = |set: usize, sealed: &Sealed, place: bool| {
         let members = outcome.diagnosis.alternatives.iter().filter(|other| other.instead_of == set);
@@ -154,11 +154,11 @@ fn in_sets(arm: &Arm, blind: &Blind, outcome: &Outcome<ArmCorrection>, same_m: f
         let straight = (0..n).all(|k| holds(k, &truth[k], place));
         straight || n == 2 && (0..n).all(|k| holds(k, &truth[1 - k], place))
     };
-    let named = fits(false) && predict_the_same(arm, blind, outcome, same_m)?;
-    Ok((named, named && fits(true)))
+    let named = fits(false) && predict_the_same(arm, blind, outcome, same_m);
+    (named, named && fits(true))
 }
 
-fn predict_the_same(arm: &Arm, blind: &Blind, outcome: &Outcome<ArmCorrection>, same_m: f64) -> Result<bool> {
+fn predict_the_same(arm: &Arm, blind: &Blind, outcome: &Outcome<ArmCorrection>, same_m: f64) -> bool {
     let run = blind.measured();
     let sigma = sigma(outcome);
     let training = Observations::new(arm, run, sigma, |sample| !sample.held_out);
@@ -171,13 +171,14 @@ fn predict_the_same(arm: &Arm, blind: &Blind, outcome: &Outcome<ArmCorrection>, 
         let Some(effect) = candidate(arm, &effects, (other.law, other.site.place)) else { continue };
         effects[arm.model.effects.len() + other.instead_of] = effect;
         let model = with_effects(arm, &effects);
-        let fitted = fit(&model, &training, &values(&model), &mut scratch).map_err(|no_pose| no_pose.error)?;
-        let apart = observations.residuals(&fitted.model, &mut scratch).map_err(|no_pose| no_pose.error)?;
+        // A member that has no pose at a word predicts none.
+        let Ok(fitted) = fit(&model, &training, &values(&model), &mut scratch) else { return false };
+        let Ok(apart) = observations.residuals(&fitted.model, &mut scratch) else { return false };
         if root_mean_square(&observations.distances_m(&apart)) > same_m {
-            return Ok(false);
+            return false;
         }
     }
-    Ok(true)
+    true
 }
 
 /// Random words where the model predicts the tool, under the conditions of the run.
