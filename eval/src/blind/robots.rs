@@ -81,9 +81,15 @@ impl Robots {
         let diagnosis = diagnosed(which, what, &table, seed)?;
         let mark = mark(&bench, class, &diagnosis)?;
         let named = named(&diagnosis);
-        let answer = match mark.named && (mark.placed || class == Class::Clean) {
-            true => Answer::Right,
-            false => Answer::of(class == Class::Clean, diagnosis.verdict, &truth(&bench), &named),
+        let is_clean = class == Class::Clean;
+        let answer = if mark.named && (mark.placed || is_clean) {
+            Answer::Right
+        } else if diagnosis.verdict == Verdict::NotIdentifiable
+            && sets::cannot_be_told(&bench, &named, &diagnosis, &kept)?
+        {
+            Answer::NotTold
+        } else {
+            Answer::of(is_clean, diagnosis.verdict, &truth(&bench), &named)
         };
         Ok((mark, answer, bench.truth()))
     }

@@ -1,4 +1,4 @@
-//! Sets of effects that rows do not distinguish: whether their members are alike anywhere.
+//! Sets of effects that rows do not distinguish: whether their members are alike anywhere, or rows really cannot tell.
 
 use anyhow::Result;
 use darm_diagnose::measurement::root_mean_square;
@@ -10,11 +10,29 @@ use super::signals::{Added, Bench, law_of};
 
 /// Members of a set are alike where what they add differs by no more than this share of the noise, root mean square.
 const SAME: f64 = 0.5;
+/// Noises that the effect and a member of its set must be apart, over all rows, so that a test at 5 % finds the difference
+/// in 19 of 20 logs: twice 1.645.
+const TOLD_APART: f64 = 3.29;
 /// Directions of a law's values with less than this share of the largest are not reported.
 const MIN_SHARE: f64 = 1e-9;
 
 /// Whether all that is named is there, and of the rest each is in a separate set whose members are alike elsewhere.
 pub(super) fn are_right(bench: &Bench, named: &[Named], diagnosis: &Diagnosis) -> Result<bool> {
+    all_sets(bench, named, diagnosis, alike)
+}
+
+/// The same where no kept row tells a member from the effect, though they differ elsewhere.
+pub(super) fn cannot_be_told(bench: &Bench, named: &[Named], diagnosis: &Diagnosis, kept: &[bool]) -> Result<bool> {
+    all_sets(bench, named, diagnosis, |bench, added, members| are_near(bench, added, members, kept))
+}
+
+/// Whether all that is named is there, and of the rest each is in a separate set of which this holds.
+fn all_sets(
+    bench: &Bench,
+    named: &[Named],
+    diagnosis: &Diagnosis,
+    holds: impl Fn(&Bench, &Added, &[&Alternative]) -> Result<bool>,
+) -> Result<bool> {
     let mut rest: Vec<&Added> = bench.added.iter().collect();
     for name in named {
         let Some(found) = rest.iter().position(|added| added.cause.named() == Some(*name)) else {
@@ -27,15 +45,44 @@ pub(super) fn are_right(bench: &Bench, named: &[Named], diagnosis: &Diagnosis) -
     for set in &sets {
         let members: Vec<&Alternative> =
             diagnosis.alternatives.iter().filter(|other| other.instead_of == *set).collect();
-        let holds = |added: &&Added| {
-            members.iter().any(|other| added.cause.named() == Some((law_of(other.law), other.site.place)))
+        let Some(found) = rest.iter().position(|added| members.iter().any(|other| is_of(other, added))) else {
+            return Ok(false);
         };
-        let Some(found) = rest.iter().position(holds) else { return Ok(false) };
-        if !alike(bench, rest.remove(found), &members)? {
+        if !holds(bench, rest.remove(found), &members)? {
             return Ok(false);
         }
     }
     Ok(rest.is_empty())
+}
+
+fn is_of(other: &Alternative, added: &Added) -> bool {
+    added.cause.named() == Some((law_of(other.law), other.site.place))
+}
+
+/// Whether members of a set that are not the effect, each fitted to what it adds without noise, come nearer to that than
+/// rows tell.
+fn are_near(bench: &Bench, added: &Added, members: &[&Alternative], kept: &[bool]) -> Result<bool> {
+    let (rows, n_axes) = (kept.len(), bench.noise.len());
+    let counts = |row: usize| kept[row] && !bench.spoiled.contains(&row);
+    let of = |k: usize| added.shape[k % n_axes][k / n_axes] / bench.noise[k % n_axes];
+    let wanted = (0..rows * n_axes).map(|k| if counts(k / n_axes) { of(k) } else { 0.0 });
+    let wanted = DVector::from_iterator(rows * n_axes, wanted);
+    let left_out: Vec<usize> = (0..rows).filter(|row| !counts(*row)).collect();
+    for other in members.iter().filter(|other| !is_of(other, added)) {
+        let Some(columns) =
+            bench.elsewhere.as_ref().map(|of| of.columns(other.law, &other.site, false)).transpose()?.flatten()
+        else {
+            return Ok(false);
+        };
+        let columns = in_noise(columns, bench, &left_out);
+        let scale = scales(&columns);
+        let columns = scaled(columns, &scale);
+        let values = columns.clone().svd(true, true).solve(&wanted, MIN_SHARE).map_err(anyhow::Error::msg)?;
+        if (&wanted - columns * values).norm() > TOLD_APART {
+            return Ok(false);
+        }
+    }
+    Ok(true)
 }
 
 /// Whether members of a set, each fitted to what an effect added, with the noise, add the same elsewhere.
@@ -65,22 +112,30 @@ fn alike(bench: &Bench, added: &Added, members: &[&Alternative]) -> Result<bool>
 fn predicted(bench: &Bench, other: &Alternative, wanted: &DVector<f64>) -> Result<Option<DVector<f64>>> {
     let Some(elsewhere) = &bench.elsewhere else { return Ok(None) };
     let columns = |is_elsewhere| elsewhere.columns(other.law, &other.site, is_elsewhere);
-    let (n_axes, noise) = (bench.noise.len(), &bench.noise);
-    let in_noise = |mut columns: DMatrix<f64>, spoiled: &[usize]| {
-        for (k, mut row) in columns.row_iter_mut().enumerate() {
-            row *= if spoiled.contains(&(k / n_axes)) { 0.0 } else { 1.0 / noise[k % n_axes] };
-        }
-        columns
-    };
     let (Some(here), Some(there)) = (columns(false)?, columns(true)?) else {
         return Ok(None);
     };
-    let here = in_noise(here, &bench.spoiled);
-    let scale = here.column_iter().map(|column| column.norm().max(f64::MIN_POSITIVE)).collect::<Vec<f64>>();
-    let scaled = |mut columns: DMatrix<f64>| {
-        columns.column_iter_mut().zip(&scale).for_each(|(mut column, by)| column /= *by);
-        columns
-    };
-    let values = scaled(here).svd(true, true).solve(wanted, MIN_SHARE).map_err(anyhow::Error::msg)?;
-    Ok(Some(scaled(in_noise(there, &[])) * values))
+    let here = in_noise(here, bench, &bench.spoiled);
+    let scale = scales(&here);
+    let values = scaled(here, &scale).svd(true, true).solve(wanted, MIN_SHARE).map_err(anyhow::Error::msg)?;
+    Ok(Some(scaled(in_noise(there, bench, &[]), &scale) * values))
+}
+
+/// Columns in units of the noise, zero in rows that are left out.
+fn in_noise(mut columns: DMatrix<f64>, bench: &Bench, left_out: &[usize]) -> DMatrix<f64> {
+    let n_axes = bench.noise.len();
+    for (k, mut row) in columns.row_iter_mut().enumerate() {
+        row *= if left_out.contains(&(k / n_axes)) { 0.0 } else { 1.0 / bench.noise[k % n_axes] };
+    }
+    columns
+}
+
+/// The size of each column.
+fn scales(columns: &DMatrix<f64>) -> Vec<f64> {
+    columns.column_iter().map(|column| column.norm().max(f64::MIN_POSITIVE)).collect()
+}
+
+fn scaled(mut columns: DMatrix<f64>, scale: &[f64]) -> DMatrix<f64> {
+    columns.column_iter_mut().zip(scale).for_each(|(mut column, by)| column /= *by);
+    columns
 }
