@@ -64,9 +64,8 @@ impl Job for Effects {
     }
 
     fn bench(&self, _: Shard) -> Result<Bench> {
-        let synthesis = ArmKind::Planar.task(self.first_seed, None)?.synthesis()?;
-        let frames = synthesis.frames.iter().map(|reached| reached.frame.clone()).collect();
-        Ok(Bench { arm: synthesis.arm, frames })
+        let design = ArmKind::Planar.task(self.first_seed, None)?.design()?;
+        Ok(Bench { arm: design.arm, frames: design.wanted })
     }
 
     fn run(&self, bench: &Bench, item: usize) -> Result<Course> {

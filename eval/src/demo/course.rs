@@ -1,16 +1,11 @@
 //! One course of the loop: synthesis, table, board, measurement, diagnosis, and both ways to close it.
 
-use std::collections::BTreeSet;
-use std::path::Path;
-
 use anyhow::{Context, Result};
 use darm::report::PlanFigures;
-use darm_arm::arm::{Arm, frames, frames::DesiredFrame};
+use darm_arm::arm::{Arm, frames::DesiredFrame};
 use darm_arm::plan::Visit;
 use darm_arm::reach::better_words::better_words;
 use darm_arm::stops::{self, Setting};
-use darm_arm::synthesis::{self, Synthesis, synthesize};
-use darm_core::se::Pose;
 use darm_core::units::Word;
 use darm_diagnose::correction::{self, Outcome};
 use darm_diagnose::diagnosis;
@@ -19,12 +14,14 @@ use darm_diagnose::measurement::Run;
 use darm_diagnose::measurement_plan::{self, Step, plan};
 use darm_diagnose::outcome::Diagnosis;
 use darm_diagnose::outcome::Verdict;
-use darm_diagnose::truth::{Kind, Sealed, Truth, scatter_m};
+use darm_diagnose::truth::{Sealed, Truth, scatter_m};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use std::collections::BTreeSet;
 
 use super::measure::{Measured, Station, Stop, measure};
 use super::rig::Rig;
+use super::task::{Design, Task};
 use darm_figures::progress::Progress;
 
 /// How long the arm rests in each visit once it has settled: two pictures of the camera and some time to spare.
@@ -37,33 +34,6 @@ const SHARE_LEFT: f64 = 0.2;
 const REPEATS_LEFT: f64 = 1.3;
 /// A person turns a stop or an anchor to within this, one standard deviation.
 const SETTING_ERROR_M: f64 = 20e-6;
-
-/// What one course starts from.
-pub(crate) struct Task {
-    /// The initial arm.
-    pub(crate) base_line: Arm,
-    /// Where its tool is to go.
-    pub(crate) desired: Vec<DesiredFrame>,
-    /// Of everything that is drawn.
-    pub(crate) seed: u64,
-    /// The effect that the true arm is given; drawn where `None`.
-    pub(crate) effect: Option<Kind>,
-}
-
-impl Task {
-    /// Reads an arm file and its desired frames.
-    pub(crate) fn read(arm: &Path, desired: &Path, seed: u64, effect: Option<Kind>) -> Result<Self> {
-        let base_line = Arm::read(arm)?;
-        let desired = in_turn(frames::read(desired, &base_line)?);
-        Ok(Self { base_line, desired, seed, effect })
-    }
-
-    /// Finds the geometry that meets the desired frames.
-    pub(crate) fn synthesis(&self) -> Result<Synthesis> {
-        let options = synthesis::Options { seed: self.seed, ..synthesis::Options::default() };
-        Ok(synthesize(&self.base_line, &self.desired, &options)?)
-    }
-}
 
 /// Measured errors at the desired frames.
 #[derive(Clone, Debug)]
@@ -81,24 +51,35 @@ impl FrameErrors {
 
 /// How the loop was closed, and what came of it.
 pub(crate) struct Closed {
-    /// The arm as it was to be set.
-    pub(crate) arm: Arm,
-    /// What a person turned.
-    pub(crate) settings: Vec<Setting>,
-    /// Errors with the stops set again.
-    pub(crate) restopped: FrameErrors,
+    /// With other stops; `None` where words alone are to close it.
+    pub(crate) by_stops: Option<ByStops>,
     /// The desired frames with the words that model n+1 chose for the metal as it was.
     pub(crate) words: Vec<DesiredFrame>,
     /// Errors with these words.
     pub(crate) table_only: FrameErrors,
 }
 
+/// The loop closed by stops that were set again.
+pub(crate) struct ByStops {
+    /// The arm as it was to be set.
+    pub(crate) arm: Arm,
+    /// What a person turned.
+    pub(crate) settings: Vec<Setting>,
+    /// Errors with the stops set again.
+    pub(crate) errors: FrameErrors,
+}
+
+impl Closed {
+    /// Errors of the closure that counts: the stops, where they were set again.
+    pub(crate) fn errors(&self) -> &FrameErrors {
+        self.by_stops.as_ref().map_or(&self.table_only, |by_stops| &by_stops.errors)
+    }
+}
+
 /// What one course found.
 pub(crate) struct Course {
-    /// The synthesis that the metal was made by.
-    pub(crate) synthesis: Synthesis,
-    /// The desired frames, with the servo angles that it found.
-    pub(crate) wanted: Vec<DesiredFrame>,
+    /// What the metal was made by.
+    pub(crate) design: Design,
     /// The measurement plan in numbers.
     pub(crate) plan: PlanFigures,
     /// Errors at the desired frames before anything is known.
@@ -109,7 +90,7 @@ pub(crate) struct Course {
     pub(crate) sealed: Sealed,
     /// Nothing where no effect was found.
     pub(crate) closed: Option<Closed>,
-    /// The camera's own scatter as a distance d, m.
+    /// What a measurement at the frames scatters by, as they count errors, m.
     pub(crate) scatter_m: f64,
 }
 
@@ -127,8 +108,7 @@ impl Course {
 
     /// What may be left of the error at the desired frames, root mean square, m.
     pub(crate) fn goal_m(&self) -> f64 {
-        let repeats_m = self.diagnosis.repeatability.as_ref().map_or(self.scatter_m, |repeats| repeats.norm.value);
-        (SHARE_LEFT * self.before.rms_m()).max(REPEATS_LEFT * repeats_m)
+        (SHARE_LEFT * self.before.rms_m()).max(REPEATS_LEFT * self.scatter_m)
     }
 
     /// Whether the place was named rightly as well.
@@ -141,47 +121,60 @@ impl Course {
 /// Runs the loop once. `keep` is given each result as it comes, before the next step can look at it.
 pub(crate) fn run(
     task: &Task,
-    synthesis: Synthesis,
+    design: Design,
     rig: &mut Rig,
     progress: &Progress,
     keep: &mut dyn FnMut(&str, Keep) -> Result<()>,
 ) -> Result<Course> {
-    let arm = synthesis.arm.clone();
-    let wanted: Vec<DesiredFrame> = synthesis.frames.iter().map(|reached| reached.frame.clone()).collect();
-    let truth = Truth::draw(&arm, &wanted, task.seed, task.effect)?;
+    let Design { arm, wanted, .. } = &design;
+    let judged = Arm { length_scale_m: task.length_scale_m(), ..arm.clone() };
+    let truth = Truth::draw(&judged, wanted, task.seed, task.effect)?;
     let rng = ChaCha8Rng::seed_from_u64(task.seed ^ 0xca3e_7a00);
     let mut station = Station { rig, rng, progress };
 
-    let steps = plan(&arm, &measurement_plan::Options { seed: task.seed, ..measurement_plan::Options::default() });
+    let steps = plan(arm, &measurement_plan::Options { seed: task.seed, ..measurement_plan::Options::default() });
     progress.say(format!("table: {} visits measured, {FRAME_VISITS} × {} frames", steps.len(), wanted.len()));
-    let mut stops = frame_visits(&wanted);
+    let mut stops = frame_visits(wanted);
     let n_frame_stops = stops.len();
     stops.extend(
         steps.iter().map(|step| Stop { visit: visit(step.word, &step.servos_rad, "plan"), held_out: step.held_out }),
     );
-    let measured = measure(&mut station, &arm, &truth, &stops)?;
+    let measured = measure(&mut station, arm, &truth, &stops)?;
     let plan = figures(&steps, &measured);
     let (at_frames, run) = split(measured.run, n_frame_stops as u32);
-    let before = errors(&arm, &wanted, &at_frames);
+    let before = errors(arm, wanted, &at_frames);
     keep("run.csv", Keep::Run(&run))?;
 
     progress.say("diagnosis");
     let Outcome { diagnosis, correction } =
-        diagnose(&arm, &run, &diagnosis::Options { seed: task.seed, ..diagnosis::Options::default() })?;
+        diagnose(arm, &run, &diagnosis::Options { seed: task.seed, ..diagnosis::Options::default() })?;
     keep("diagnosis.json", Keep::Diagnosis(&diagnosis))?;
     let closed = match diagnosis.verdict {
         verdict if verdict.names_effects() => {
-            let corrected = correction.corrected(&arm, &run, correction::Keep::Effects);
+            let corrected = correction.corrected(arm, &run, correction::Keep::Effects);
             let corrected = corrected.context("a named effect corrects the model")?;
             keep("arm-corrected.toml", Keep::Arm(&corrected))?;
-            let closed = close(task, &corrected, &wanted, &truth, &mut station)?;
-            keep("arm-stops.toml", Keep::Arm(&closed.arm))?;
+            let closed = close(task, &corrected, wanted, &truth, &mut station)?;
+            if let Some(by_stops) = &closed.by_stops {
+                keep("arm-stops.toml", Keep::Arm(&by_stops.arm))?;
+            }
             Some(closed)
         }
         _ => None,
     };
     let sealed = truth.unseal().clone();
-    Ok(Course { synthesis, wanted, plan, before, diagnosis, sealed, closed, scatter_m: scatter_m(&arm) })
+    let scatter_m = repeatability_m(task, &diagnosis).unwrap_or_else(|| scatter_m(&judged));
+    Ok(Course { design, plan, before, diagnosis, sealed, closed, scatter_m })
+}
+
+/// What a diagnosis found repeated conditions to scatter by, as the frames count errors, m.
+fn repeatability_m(task: &Task, diagnosis: &Diagnosis) -> Option<f64> {
+    let repeats = diagnosis.repeatability.as_ref()?;
+    let positions = repeats.axes.iter().filter(|axis| axis.unit == "m");
+    Some(match task.is_for_positions() {
+        true => positions.map(|axis| axis.value.powi(2)).sum::<f64>().sqrt(),
+        false => repeats.norm.value,
+    })
 }
 
 /// A result to keep.
@@ -194,7 +187,7 @@ pub(crate) enum Keep<'a> {
     Arm(&'a Arm),
 }
 
-/// Both ways to close the loop with model n+1: stops set again, and better words for the metal as it is.
+/// Closes the loop with model n+1: by other stops, unless the frames are positions, and by better words for the metal as it is.
 fn close(
     task: &Task,
     corrected: &Arm,
@@ -202,30 +195,32 @@ fn close(
     truth: &Truth,
     station: &mut Station<'_>,
 ) -> Result<Closed> {
+    let by_stops = match task.is_for_positions() {
+        true => None,
+        false => Some(close_by_stops(task, corrected, wanted, truth, station)?),
+    };
+    station.progress.say("closing by the table: better words for the metal as it is");
+    let words: Vec<DesiredFrame> = better_words(corrected, wanted)?.into_iter().map(|(frame, _)| frame).collect();
+    let measured = measure(station, corrected, truth, &frame_visits(&words))?;
+    let table_only = errors(corrected, &words, &measured.run);
+    Ok(Closed { by_stops, words, table_only })
+}
+
+fn close_by_stops(
+    task: &Task,
+    corrected: &Arm,
+    wanted: &[DesiredFrame],
+    truth: &Truth,
+    station: &mut Station<'_>,
+) -> Result<ByStops> {
     station.progress.say("closing by the stops: synthesis with the corrected model");
-    let options = synthesis::Options { seed: task.seed, ..synthesis::Options::default() };
-    let again = synthesize(corrected, wanted, &options)?;
+    let again = task.synthesis(corrected, wanted)?;
     let settings = stops::differences(corrected, &again.arm)?;
     let metal = stops::apply(corrected, &settings, SETTING_ERROR_M, task.seed)?;
     let reached: Vec<DesiredFrame> = again.frames.iter().map(|reached| reached.frame.clone()).collect();
     let there = truth.with_geometry(&metal);
     let measured = measure(station, &again.arm, &there, &frame_visits(&reached))?;
-    let restopped = errors(corrected, &reached, &measured.run);
-
-    station.progress.say("closing by the table: better words for the metal as it is");
-    let words: Vec<DesiredFrame> = better_words(corrected, wanted)?.into_iter().map(|(frame, _)| frame).collect();
-    let measured = measure(station, corrected, truth, &frame_visits(&words))?;
-    let table_only = errors(corrected, &words, &measured.run);
-    Ok(Closed { arm: again.arm, settings, restopped, words, table_only })
-}
-
-/// The frames as a program that goes round and round visits them: each is reached from the one before it.
-fn in_turn(mut frames: Vec<DesiredFrame>) -> Vec<DesiredFrame> {
-    let words: Vec<Word> = frames.iter().map(|frame| frame.word).collect();
-    for (frame, &before) in frames.iter_mut().zip(words.iter().cycle().skip(words.len().saturating_sub(1))) {
-        frame.previous = before;
-    }
-    frames
+    Ok(ByStops { errors: errors(corrected, &reached, &measured.run), arm: again.arm, settings })
 }
 
 fn visit(word: Word, servos_rad: &[f64], label: &str) -> Visit {
@@ -262,13 +257,12 @@ fn split(run: Run, n_frame_stops: u32) -> (Run, Run) {
 
 /// Distances of the measured poses from the desired ones; `run` holds the visits of [`frame_visits`].
 fn errors(arm: &Arm, frames: &[DesiredFrame], run: &Run) -> FrameErrors {
-    let distance_m = |pose: &Pose<f64>, frame: &DesiredFrame| pose.distance(&frame.pose_base_tool, arm.length_scale_m);
     let each_m = frames.iter().enumerate().map(|(index, frame)| {
         let there = run
             .samples
             .iter()
             .filter(|sample| sample.visit.checked_sub(1).is_some_and(|visit| visit as usize % frames.len() == index));
-        rms(there.map(|sample| distance_m(&sample.pose, frame)))
+        rms(there.map(|sample| frame.distance_m(arm, &sample.pose)))
     });
     FrameErrors { each_m: each_m.collect() }
 }
@@ -276,4 +270,31 @@ fn errors(arm: &Arm, frames: &[DesiredFrame], run: &Run) -> FrameErrors {
 fn rms(values: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| (sum + value * value, count + 1.0));
     if count > 0.0 { f64::sqrt(sum / count) } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use darm_arm::arm::ArmScratch;
+    use darm_diagnose::truth::Kind;
+    use darm_figures::progress::Progress;
+
+    use super::super::ArmKind;
+    use super::super::rig::Rig;
+
+    #[test]
+    fn words_alone_bring_an_arm_of_64_6_words_to_its_positions_again() {
+        let task = ArmKind::Spatial6.task(3, Some(Kind::StrokeLoss)).unwrap();
+        let design = task.design().unwrap();
+        for frame in &design.wanted {
+            let drawn = design.arm.model.chain.pose_base_tool(&frame.word, &[], &mut ArmScratch::default()).unwrap();
+            assert!(frame.distance_m(&design.arm, &drawn) < 0.2e-3, "frame {} of the file", frame.name);
+        }
+        let mut rig = Rig::in_process(&design.arm).unwrap();
+        let course = super::run(&task, design, &mut rig, &Progress::silent(), &mut |_, _| Ok(())).unwrap();
+        assert!(course.placed_rightly(), "{:?} of {:?}", course.diagnosis.effects, course.sealed);
+        let closed = course.closed.as_ref().unwrap();
+        assert!(closed.by_stops.is_none(), "the metal stays as it is");
+        let (before_m, after_m) = (course.before.rms_m(), closed.table_only.rms_m());
+        assert!(before_m > 4e-3 && after_m < course.goal_m(), "{before_m} m before, {after_m} m after");
+    }
 }

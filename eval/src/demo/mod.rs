@@ -5,6 +5,7 @@ mod measure;
 mod rig;
 mod summary;
 mod sweep;
+mod task;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -18,9 +19,10 @@ use darm_figures::items::{self, Spread};
 use darm_figures::progress::Progress;
 use serde::{Deserialize, Serialize};
 
-use course::{Keep, Task};
+use course::Keep;
 use rig::Rig;
 pub(crate) use sweep::Sweep;
+use task::Task;
 use xtask::image;
 use xtask::setup::{self, Emulator};
 
@@ -60,16 +62,18 @@ pub(crate) enum ArmKind {
     Planar,
     /// The same on a servo joint
     Hybrid,
+    /// Six spatial modules, 64^6 words: positions, by better words alone
+    Spatial6,
 }
 
 impl ArmKind {
     fn files(self) -> [PathBuf; 2] {
-        let name = match self {
-            Self::Planar => "planar4",
-            Self::Hybrid => "planar4-hybrid",
+        let names = match self {
+            Self::Planar => ["planar4.toml", "planar4-frames.toml"],
+            Self::Hybrid => ["planar4-hybrid.toml", "planar4-hybrid-frames.toml"],
+            Self::Spatial6 => ["spatial6.toml", "spatial6-positions.toml"],
         };
-        let examples = setup::root().join("examples");
-        [examples.join(format!("{name}.toml")), examples.join(format!("{name}-frames.toml"))]
+        names.map(|name| setup::root().join("examples").join(name))
     }
 
     pub(crate) fn task(self, seed: u64, effect: Option<Kind>) -> Result<Task> {
@@ -95,16 +99,18 @@ impl Demo {
         fs::create_dir_all(&self.out).with_context(|| format!("{} cannot be made", self.out.display()))?;
         let progress = Progress::shown();
         let task = self.arm.task(self.seed, self.effect)?;
-        progress.say("synthesis");
-        let synthesis = task.synthesis()?;
+        if !task.is_for_positions() {
+            progress.say("synthesis");
+        }
+        let design = task.design()?;
         let mut rig = match emulated {
-            Some(elf) if self.board == image::Board::Pico => Rig::pico(&elf, &self.out, &synthesis.arm)?,
-            Some(elf) => Rig::emulated(elf, &self.out, &synthesis.arm)?,
-            None => Rig::in_process(&synthesis.arm)?,
+            Some(elf) if self.board == image::Board::Pico => Rig::pico(&elf, &self.out, &design.arm)?,
+            Some(elf) => Rig::emulated(elf, &self.out, &design.arm)?,
+            None => Rig::in_process(&design.arm)?,
         };
         progress.say(format!("board: {}, device {}", rig.what, rig.client.identity().device));
         let mut keep = |name: &str, what: Keep| keep(&self.out.join(name), what);
-        let course = course::run(&task, synthesis, &mut rig, &progress, &mut keep)?;
+        let course = course::run(&task, design, &mut rig, &progress, &mut keep)?;
         let report = summary::report(&task, course, &rig.what, progress.elapsed_s())?;
         report.write(&self.out).with_context(|| format!("{} cannot be written", self.out.display()))?;
         println!("{}", darm::report::table(&report));

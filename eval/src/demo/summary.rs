@@ -8,22 +8,28 @@ use darm_arm::arm::frames::DesiredFrame;
 use darm_arm::stops::Setting;
 use darm_arm::synthesis::{self, Method, Reached, Scheme, Synthesis, synthesize};
 
-use super::course::{Course, FrameErrors, Task};
+use super::course::{Course, FrameErrors};
+use super::task::Task;
 
 /// Steps of the paper's own scheme: as many as the paper took.
 const PAPER_STEPS: u32 = 1000;
 
 /// The report of a course that ran on `board` and took `time_s`.
 pub(super) fn report(task: &Task, course: Course, board: &str, time_s: f64) -> Result<LoopReport> {
-    let drawing = Drawing::of(&task.base_line, &course.synthesis.arm, &course.wanted);
-    let stops = course.closed.iter().flat_map(|closed| &closed.settings).map(stop_figure).collect();
+    let design = &course.design;
+    let drawing = match &design.synthesis {
+        Some(synthesis) => Drawing::of(&task.base_line, &synthesis.arm, &design.wanted),
+        None => Drawing::default(),
+    };
+    let by_stops = course.closed.iter().filter_map(|closed| closed.by_stops.as_ref());
+    let stops = by_stops.flat_map(|by_stops| &by_stops.settings).map(stop_figure).collect();
     Ok(LoopReport {
         arm: task.base_line.name.clone(),
         seed: task.seed,
         version: env!("CARGO_PKG_VERSION").to_owned(),
         board: board.to_owned(),
         time_s,
-        synthesis: synthesis_figures(task, &course.synthesis)?,
+        synthesis: design.synthesis.as_ref().map(|synthesis| synthesis_figures(task, synthesis)).transpose()?,
         stops,
         closures: closures(&course),
         plan: course.plan,
@@ -68,22 +74,20 @@ fn stop_figure(setting: &Setting) -> StopFigure {
 
 fn closures(course: &Course) -> Vec<Closure> {
     let Some(closed) = &course.closed else { return Vec::new() };
-    vec![
-        closure(
-            course,
-            "stops",
-            "The geometry is synthesised again with the corrected model, and the stops are turned to it.",
-            &course.wanted,
-            &closed.restopped,
-        ),
-        closure(
-            course,
-            "table only",
-            "The metal stays as it is; the corrected model chooses the nearest words.",
-            &closed.words,
-            &closed.table_only,
-        ),
-    ]
+    let wanted = &course.design.wanted;
+    let by_stops = closed.by_stops.as_ref().map(|by_stops| {
+        let note = "The geometry is synthesised again with the corrected model, and the stops are turned to it.";
+        closure(course, "stops", note, wanted, &by_stops.errors)
+    });
+    let note = match by_stops {
+        Some(_) => "The metal stays as it is; the corrected model chooses the nearest words.",
+        None => {
+            "The metal stays as it is; the corrected model chooses the words that bring the tool nearest to the positions, in \
+             any orientation."
+        }
+    };
+    let by_words = closure(course, "table only", note, &closed.words, &closed.table_only);
+    by_stops.into_iter().chain([by_words]).collect()
 }
 
 /// The loop closed by `words`, with the errors `after` it.
@@ -91,7 +95,7 @@ fn closure(course: &Course, name: &str, note: &str, words: &[DesiredFrame], afte
     Closure {
         name: name.to_owned(),
         note: note.to_owned(),
-        frames: closed_frames(&course.wanted, words, &course.before, after),
+        frames: closed_frames(&course.design.wanted, words, &course.before, after),
         before_m: course.before.rms_m(),
         after_m: after.rms_m(),
         goal_m: course.goal_m(),

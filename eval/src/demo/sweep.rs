@@ -1,6 +1,7 @@
 //! The loop for many seeds in this process, in one table: how often is it right?
 
 use anyhow::Result;
+use darm_diagnose::measurement::median;
 use darm_diagnose::truth::Kind;
 use darm_figures::figure::Figure;
 use darm_figures::items::Job;
@@ -43,6 +44,10 @@ pub(crate) struct Row {
     is_placed: bool,
     is_false_name: bool,
     reaches_goal: bool,
+    /// Error at the frames before, m.
+    before_m: f64,
+    /// The same once the loop is closed.
+    after_m: Option<f64>,
     /// Held-out error with the effects found over the repeatability.
     ratio: Option<f64>,
     line: String,
@@ -64,14 +69,16 @@ impl Job for Sweep {
     fn run(&self, (): &(), item: usize) -> Result<Row> {
         let seed = 1 + item as u64;
         let task = self.arm.task(seed, self.effect)?;
-        let synthesis = task.synthesis()?;
-        let mut rig = Rig::in_process(&synthesis.arm)?;
-        let course = course::run(&task, synthesis, &mut rig, &Progress::silent(), &mut |_, _| Ok(()))?;
+        let design = task.design()?;
+        let mut rig = Rig::in_process(&design.arm)?;
+        let course = course::run(&task, design, &mut rig, &Progress::silent(), &mut |_, _| Ok(()))?;
         Ok(Row {
             is_named: course.named_rightly(),
             is_placed: course.placed_rightly(),
             is_false_name: course.diagnosis.verdict.names_effects() && !course.named_rightly(),
-            reaches_goal: course.closed.as_ref().is_some_and(|closed| closed.restopped.rms_m() <= course.goal_m()),
+            reaches_goal: course.closed.as_ref().is_some_and(|closed| closed.errors().rms_m() <= course.goal_m()),
+            before_m: course.before.rms_m(),
+            after_m: course.closed.as_ref().map(|closed| closed.errors().rms_m()),
             ratio: ratio(&course),
             line: line(seed, &course),
         })
@@ -94,17 +101,40 @@ impl Job for Sweep {
             return Ok(vec![count("false names on clean arms", |row| row.is_false_name)?]);
         }
         let worst_ratio = rows.iter().filter_map(|row| row.ratio).fold(0.0, f64::max);
-        Ok(vec![
+        let mut figures = vec![
             count("effects named rightly", |row| row.is_named)?,
             count("place named rightly too", |row| row.is_placed)?,
             Figure::new(&format!("largest held-out error over repeatability, of {seeds}"), worst_ratio, "times")?,
-            count("stops: arms that reach the goal", |row| row.reaches_goal)?,
-        ])
+        ];
+        match self.arm {
+            ArmKind::Planar | ArmKind::Hybrid => {
+                figures.push(count("stops: arms that reach the goal", |row| row.reaches_goal)?);
+            }
+            ArmKind::Spatial6 => {
+                figures.push(count("words alone: arms that reach the goal", |row| row.reaches_goal)?);
+                figures.extend(errors(rows)?);
+            }
+        }
+        Ok(figures)
     }
 
     fn seed(&self) -> u64 {
         self.seeds
     }
+}
+
+/// Errors at the positions with the words of the drawing and with better ones, of the arms where the loop was closed.
+fn errors(rows: &[Row]) -> Result<[Figure; 3]> {
+    let closed = || rows.iter().filter_map(|row| Some((row.before_m, row.after_m?)));
+    let figure = |name: &str, error_m: Option<f64>| {
+        let name = format!("words alone: error at the positions {name}");
+        Figure::new(&name, error_m.map_or(f64::NAN, |m| 1e3 * m), "mm")
+    };
+    Ok([
+        figure("before, median", median(closed().map(|(before_m, _)| before_m)))?,
+        figure("after, median", median(closed().map(|(_, after_m)| after_m)))?,
+        figure("after, largest", closed().map(|(_, after_m)| after_m).reduce(f64::max))?,
+    ])
 }
 
 const HEADER: &str = "\
@@ -122,7 +152,8 @@ fn line(seed: u64, course: &Course) -> String {
     let named: Vec<String> = diagnosis.effects.iter().map(|found| format!("{} {}", found.law, found.site)).collect();
     let ratio = ratio(course).map_or("-".to_owned(), |ratio| format!("{ratio:.2}"));
     let closed = course.closed.as_ref().map_or("     -      -".to_owned(), |closed| {
-        format!("{:6.2} {:6.2}", 1e3 * closed.restopped.rms_m(), 1e3 * closed.table_only.rms_m())
+        let stops = closed.by_stops.as_ref().map_or("-".to_owned(), |by| format!("{:.2}", 1e3 * by.errors.rms_m()));
+        format!("{stops:>6} {:6.2}", 1e3 * closed.table_only.rms_m())
     });
     let right = if course.placed_rightly() { "" } else { "  <-" };
     format!(

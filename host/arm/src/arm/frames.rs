@@ -65,6 +65,18 @@ pub struct Weights {
     pub orientation: f64,
 }
 
+impl DesiredFrame {
+    /// As far as one radian counts in the distance to a pose of `arm`, m: nothing where the orientation is free.
+    pub fn length_scale_m(&self, arm: &Arm) -> f64 {
+        if self.weights.orientation == 0.0 { 0.0 } else { arm.length_scale_m }
+    }
+
+    /// Distance from a pose of the tool of `arm`, m; of the positions where the orientation is free.
+    pub fn distance_m(&self, arm: &Arm, pose_base_tool: &Pose<f64>) -> f64 {
+        pose_base_tool.distance(&self.pose_base_tool, self.length_scale_m(arm))
+    }
+}
+
 impl Default for Weights {
     fn default() -> Self {
         Self { position: 1.0, orientation: 1.0 }

@@ -209,10 +209,10 @@ fn measured(frames: &[&DesiredFrame], board: &mut Board) -> anyhow::Result<Vec<O
             board.folder.keep_frames(samples)?
         }
     };
-    let length_scale_m = board.wired.arm.length_scale_m;
+    let arm = &board.wired.arm;
     let distance = |(frame, visit): (&&DesiredFrame, usize)| {
         let sample = samples.iter().find(|sample| sample.visit as usize == visit)?;
-        Some(sample.pose.distance(&frame.pose_base_tool, length_scale_m))
+        Some(frame.distance_m(arm, &sample.pose))
     };
     Ok(frames.iter().zip(visits).map(distance).collect())
 }

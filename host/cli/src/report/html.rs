@@ -16,7 +16,7 @@ pub fn page(report: &LoopReport, files: &[SourceFile], at: SystemTime) -> Markup
     let body = html! {
         (head(report, at))
         (figures(report))
-        (synthesis(report))
+        @if let Some(figures) = &report.synthesis { (synthesis(report, figures)) }
         (measurement_plan(report))
         (diagnosis(report))
         (closing(report))
@@ -38,13 +38,15 @@ fn head(report: &LoopReport, at: SystemTime) -> Markup {
 
 /// The main figures.
 fn figures(report: &LoopReport) -> Markup {
-    let (error_m, _) = report.synthesis.largest();
+    let synthesised = report.synthesis.as_ref().map(SynthesisFigures::largest);
     let diagnosis = &report.diagnosis;
     let held_out = diagnosis.error.after.held_out_or_train();
     let ratio = diagnosis.repeatability.as_ref().map(|r| held_out.norm.value / r.norm.value);
     html! {
         div.cards {
-            (card("synthesis error", &power(error_m, "m"), "largest of the desired frames", error_m <= 1e-9))
+            @if let Some((error_m, _)) = synthesised {
+                (card("synthesis error", &power(error_m, "m"), "largest of the desired frames", error_m <= 1e-9))
+            }
             (verdict_card(report))
             @if let Some(ratio) = ratio {
                 (card("held-out error after", &format!("{ratio:.2} ×"), "the repeatability of the measurement", ratio <= 1.3))
@@ -76,8 +78,7 @@ fn card(name: &str, value: &str, note: &str, met: bool) -> Markup {
     }
 }
 
-fn synthesis(report: &LoopReport) -> Markup {
-    let s = &report.synthesis;
+fn synthesis(report: &LoopReport, s: &SynthesisFigures) -> Markup {
     html! {
         section {
             h2 { "Synthesis" }

@@ -52,8 +52,8 @@ pub struct LoopReport {
     pub board: String,
     /// Total time, s.
     pub time_s: f64,
-    /// Synthesis from the desired frames.
-    pub synthesis: SynthesisFigures,
+    /// Synthesis from the desired frames; `None` of an arm that stays as it is.
+    pub synthesis: Option<SynthesisFigures>,
     /// The measurement plan.
     #[serde(rename = "measurement_plan")]
     pub plan: PlanFigures,
@@ -157,7 +157,7 @@ pub struct Closure {
     pub note: String,
     /// Each desired frame.
     pub frames: Vec<ClosedFrame>,
-    /// Measured error before: distance d, RMS over the frames, m.
+    /// Measured error before, RMS over the frames, m: distance d, or that of the positions where the orientation is free.
     pub before_m: f64,
     /// The same after.
     pub after_m: f64,

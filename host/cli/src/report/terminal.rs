@@ -1,6 +1,6 @@
 //! The report as a table for the terminal.
 
-use super::{LoopReport, html::angle};
+use super::{LoopReport, SynthesisFigures, html::angle};
 use darm_diagnose::outcome::Verdict;
 
 /// The lines of the table, without colour.
@@ -8,7 +8,9 @@ pub fn table(report: &LoopReport) -> String {
     let mut rows: Vec<(String, String)> = Vec::new();
     let mut row = |name: &str, value: String| rows.push((name.into(), value));
     row("arm, board, seed", format!("{}, {}, seed {}", report.arm, report.board, report.seed));
-    synthesis(report, &mut row);
+    if let Some(figures) = &report.synthesis {
+        synthesis(figures, &mut row);
+    }
     row("measurement plan", measurement_plan(report));
     diagnosis(report, &mut row);
     for closure in &report.closures {
@@ -21,8 +23,7 @@ pub fn table(report: &LoopReport) -> String {
     rows.iter().map(|(name, value)| format!("  {name:width$}  {value}\n")).collect()
 }
 
-fn synthesis(report: &LoopReport, row: &mut impl FnMut(&str, String)) {
-    let synthesis = &report.synthesis;
+fn synthesis(synthesis: &SynthesisFigures, row: &mut impl FnMut(&str, String)) {
     let (error_m, error_rad) = synthesis.largest();
     let ours = format!(
         "{error_m:.0e} m, {}, {:.3} s, {} steps ({})",

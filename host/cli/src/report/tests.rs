@@ -33,7 +33,7 @@ fn report() -> LoopReport {
         version: env!("CARGO_PKG_VERSION").into(),
         board: "no board".into(),
         time_s: 61.0,
-        synthesis: synthesis_figures(&found),
+        synthesis: Some(synthesis_figures(&found)),
         plan: PlanFigures {
             words: 96,
             held_out: 24,

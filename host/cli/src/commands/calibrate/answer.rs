@@ -144,7 +144,7 @@ impl FrameReport {
         Ok(Self {
             name: old.name.clone(),
             word: old.word.to_string(),
-            predicted_m: pose.distance(&old.pose_base_tool, corrected.length_scale_m),
+            predicted_m: old.distance_m(corrected, &pose),
             measured_m: None,
             better_word: new.word.to_string(),
             better_predicted_m: after_m,
