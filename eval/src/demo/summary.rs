@@ -69,7 +69,9 @@ fn frame_figure(reached: &Reached) -> FrameFigure {
 }
 
 fn stop_figure(setting: &Setting) -> StopFigure {
-    StopFigure { name: setting.name.clone(), from_m: setting.from, to_m: setting.to, turn: setting.to_string() }
+    let turn = format!("{:.3} {} {}", setting.change().abs(), setting.unit(), setting.direction());
+    let name = format!("{}, {}", setting.name, setting.part);
+    StopFigure { name, from_m: setting.from, to_m: setting.to, turn }
 }
 
 fn closures(course: &Course) -> Vec<Closure> {

@@ -241,6 +241,16 @@ impl Arm {
         }
     }
 
+    /// An actuator in a drawing: number, name and outputs.
+    pub fn actuator_label(&self, actuator: usize) -> String {
+        let outputs = match self.connections.get(actuator).map_or(&[][..], |connection| &connection.outputs) {
+            [] => String::new(),
+            [one] => format!(", output {one}"),
+            more => format!(", outputs {}", more.iter().map(u8::to_string).collect::<Vec<_>>().join(" and ")),
+        };
+        format!("actuator {actuator}: {}{outputs}", self.actuator_name(actuator))
+    }
+
     /// A servo joint as a person would call it: by its stage.
     pub fn servo_name(&self, servo: usize) -> String {
         let stages = self.model.chain.stages.iter().enumerate();

@@ -1,4 +1,4 @@
-//! Charts as SVG: lines, markers, bands and boxes over two axes, with a legend.
+//! Charts as SVG: lines, markers, bands and boxes over two axes, with a legend and with the values of points under the pointer.
 //!
 //! ```
 //! use darm_arm::draw::chart::{Axis, Chart, Series, Shape};
@@ -16,6 +16,9 @@
 //! assert!(svg.starts_with("<svg role=\"img\""));
 //! ```
 
+mod rounded;
+mod values;
+
 use std::ops::Range;
 
 use plotters::chart::ChartContext;
@@ -29,6 +32,7 @@ use plotters::prelude::{
 use plotters::style::{Color as _, FontStyle, IntoFont, RGBColor, ShapeStyle, TextStyle};
 
 use super::palette::{Color, GRID, INK, MUTED, PAPER};
+use rounded::rounded;
 
 /// How values lie along an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -78,6 +82,8 @@ pub struct Series {
     pub color: Color,
     /// Its shape.
     pub shape: Shape,
+    /// What is said of each point before its values, and of a box; the name of the series where there is none.
+    pub notes: Vec<String>,
 }
 
 /// The corner of the legend.
@@ -148,24 +154,21 @@ impl Axis {
     }
 }
 
-/// A number with a hundredth of `span` as its last digit at most, without zeros at the end.
-fn rounded(value: f64, span: f64) -> String {
-    let decimals = (2.0 - span.log10().floor()).clamp(0.0, 9.0) as usize;
-    let text = format!("{value:.decimals$}");
-    let short = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
-    // A tick at zero may be a little less.
-    if short == "-0" { "0".into() } else { short.to_owned() }
-}
-
 impl Series {
     /// A series with an entry in the legend.
     pub fn named(name: &str, color: Color, shape: Shape) -> Self {
-        Self { name: Some(name.into()), color, shape }
+        Self { name: Some(name.into()), ..Self::unnamed(color, shape) }
+    }
+
+    /// The series with a note of each point.
+    #[must_use]
+    pub fn with_notes(self, notes: Vec<String>) -> Self {
+        Self { notes, ..self }
     }
 
     /// A series without one.
     pub fn unnamed(color: Color, shape: Shape) -> Self {
-        Self { name: None, color, shape }
+        Self { name: None, color, shape, notes: Vec::new() }
     }
 }
 
@@ -183,11 +186,12 @@ impl Chart {
     pub fn svg(&self) -> String {
         let mut svg = String::new();
         // Drawing into a string does not fail; a chart that cannot be drawn is left empty.
-        let _ = self.draw(&mut svg);
-        svg.replacen("<svg ", "<svg role=\"img\" ", 1)
+        let values = self.draw(&mut svg).unwrap_or_default();
+        svg.replacen("<svg ", "<svg role=\"img\" ", 1).replacen("</svg>", &format!("{values}</svg>"), 1)
     }
 
-    fn draw(&self, svg: &mut String) -> Drawn {
+    /// Draws the picture; the marks of its values.
+    fn draw(&self, svg: &mut String) -> Drawn<String> {
         let area = SVGBackend::with_string(svg, self.size).into_drawing_area();
         area.fill(&rgb(PAPER))?;
         let mut builder = ChartBuilder::on(&area);
@@ -212,11 +216,11 @@ impl Chart {
             legend.draw()?;
         }
         area.present()?;
-        Ok(())
+        Ok(values::marks(self, &plane))
     }
 
     /// Axes with their numbers and the grid.
-    fn mesh(&self, plane: &mut Plane<'_>) -> Drawn {
+    fn mesh(&self, plane: &mut Plane<'_>) -> Drawn<()> {
         let [x, y] = [&self.x, &self.y].map(|axis| move |value: &f64| axis.number(*value));
         let mut mesh = plane.configure_mesh();
         mesh.label_style(text()).axis_desc_style(text()).axis_style(rgb(MUTED));
@@ -229,11 +233,11 @@ impl Chart {
     }
 }
 
-type Drawn = Result<(), Box<dyn std::error::Error>>;
+type Drawn<T> = Result<T, Box<dyn std::error::Error>>;
 type Plane<'a> = ChartContext<'a, SVGBackend<'a>, Cartesian2d<Coordinate, Coordinate>>;
 
 impl Series {
-    fn draw<'a>(&self, plane: &mut Plane<'a>) -> Drawn {
+    fn draw<'a>(&self, plane: &mut Plane<'a>) -> Drawn<()> {
         let color = rgb(self.color);
         let (filled, thin, thick): (ShapeStyle, ShapeStyle, ShapeStyle) =
             (color.filled(), color.stroke_width(1), color.stroke_width(2));

@@ -62,6 +62,19 @@ pub struct Line {
     pub to: Vec3<f64>,
 }
 
+/// A leg with what is written at it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Leg {
+    /// Number of its actuator.
+    pub actuator: usize,
+    /// Its name with its outputs and its state.
+    pub label: String,
+    /// Its lower end in the base frame, m.
+    pub from: Vec3<f64>,
+    /// Its upper end.
+    pub to: Vec3<f64>,
+}
+
 /// One posture as lines.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Scene {
@@ -69,6 +82,8 @@ pub struct Scene {
     pub title: String,
     /// All lines.
     pub lines: Vec<Line>,
+    /// The legs of an arm, whose lines are among `lines`.
+    pub legs: Vec<Leg>,
     /// Names and the points they belong to, in the base frame, m.
     pub labels: Vec<(String, Vec3<f64>)>,
     /// The centre of mass in the base frame, m, where there is mass.
@@ -124,16 +139,20 @@ impl Scene {
     pub fn of_arm(arm: &Arm, scratch: &ArmScratch, digits: impl Iterator<Item = u8>) -> Self {
         let chain = &arm.model.chain;
         let mut scene = Self { title: arm.name.clone(), is_planar: chain.is_planar(), ..Self::default() };
-        let mut digits = digits;
+        let (mut digits, mut actuator) = (digits, 0);
         let mut below = chain.mount;
         for (index, stage) in chain.stages.iter().enumerate() {
             let top = scratch.tops[index];
             let legs = if stage.leg(0).is_some() { stage.n_actuators() } else { 0 };
             let settings = &scratch.settings[index][..legs];
-            for setting in settings {
+            for (leg, setting) in settings.iter().enumerate() {
                 let part = if digits.next().unwrap_or(0) > 0 { Part::Extended } else { Part::Contracted };
-                scene.line(part, below * setting.base, top * setting.top);
+                let (from, to) = (below * setting.base, top * setting.top);
+                scene.line(part, from, to);
+                let label = format!("{}, {}", arm.actuator_label(actuator + leg), part.name());
+                scene.legs.push(Leg { actuator: actuator + leg, label, from, to });
             }
+            actuator += stage.n_actuators();
             scene.plate(&below, settings.iter().map(|setting| setting.base).collect());
             scene.plate(&top, settings.iter().map(|setting| setting.top).collect());
             if legs == 0 {

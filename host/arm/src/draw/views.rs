@@ -4,7 +4,7 @@ use darm_core::real::Vec3;
 use maud::{Markup, PreEscaped, html};
 
 use super::palette::{AZURE, BLUE, GREEN, GRID, INK, MUTED, ORANGE, PALE, PAPER, RED};
-use super::{Part, Scene};
+use super::{Leg, Part, Scene};
 
 /// The style sheet of a picture.
 fn style() -> String {
@@ -15,6 +15,7 @@ line{{stroke-linecap:round}}.link,.plate{{stroke:{INK};stroke-width:4}}\
 .contracted{{stroke:{MUTED};stroke-width:2.5}}.extended{{stroke:{BLUE};stroke-width:2.5}}\
 .revolute{{stroke:{ORANGE};stroke-width:7}}.prismatic{{stroke:{BLUE};stroke-width:7}}\
 .x{{stroke:{RED};stroke-width:2.5}}.y{{stroke:{GREEN};stroke-width:2.5}}.z{{stroke:{AZURE};stroke-width:2.5}}\
+.values{{stroke:transparent;stroke-width:9}}\
 .com{{fill:{PAPER};stroke:{INK};stroke-width:2}}.bar{{stroke:{INK};stroke-width:2}}"
     )
 }
@@ -95,7 +96,7 @@ impl View {
                 line x1=(n(x - 5.0)) x2=(n(x + 5.0)) y1=(n(y)) y2=(n(y)) stroke=(INK) {}
                 line x1=(n(x)) x2=(n(x)) y1=(n(y - 5.0)) y2=(n(y + 5.0)) stroke=(INK) {}
             }
-            @if has_names { (names(scene, &at, left + 0.85 * width)) }
+            @if has_names { (legs(scene, &at)) (names(scene, &at, left + 0.85 * width)) }
             (place.bar(left + 16.0, top + height - 16.0))
         }
     }
@@ -112,6 +113,20 @@ impl View {
         let scale = fit(x1 - x0, width).min(fit(y1 - y0, height));
         let middle = [left + width / 2.0, top + height / 2.0 + 4.0];
         Place { scale, shift: [middle[0] - scale * (x0 + x1) / 2.0, middle[1] + scale * (y0 + y1) / 2.0] }
+    }
+}
+
+/// The name of each leg under the pointer; in a planar arm also the numbers of the actuators, at a third of the leg, where those
+/// of crossing legs are apart.
+fn legs(scene: &Scene, at: &impl Fn(&Vec3<f64>) -> [f64; 2]) -> Markup {
+    html! {
+        @for Leg { actuator, label, from, to } in &scene.legs {
+            @let ([ax, ay], [bx, by], [x, y]) = (at(from), at(to), at(&(from + (to - from) / 3.0)));
+            line.values x1=(n(ax)) y1=(n(ay)) x2=(n(bx)) y2=(n(by)) { title { (label) } }
+            @if scene.is_planar {
+                text.name x=(n(x)) y=(n(y + 4.0)) text-anchor="middle" { (actuator) title { (label) } }
+            }
+        }
     }
 }
 

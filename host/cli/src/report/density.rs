@@ -29,13 +29,14 @@ pub fn svg(spots: &BTreeMap<Place, Spot>, axes: [usize; 2], cell_m: f64) -> Stri
         let color = DENSITY[0].mix(DENSITY[1], words.ln_1p() / largest);
         let shape = Shape::Box([low, low.map(|at| at + cell_m)]);
         // The first square of a colour of the legend gives its entry.
-        match shown.iter().position(|&count| count == words) {
+        let series = match shown.iter().position(|&count| count == words) {
             Some(entry) => {
                 shown.remove(entry);
                 Series::named(&legend(words, cell_m), color, shape)
             }
             None => Series::unnamed(color, shape),
-        }
+        };
+        series.with_notes(vec![note(words, square, axes, cell_m)])
     });
     // The room that a chart takes for numbers and margins.
     let size = ((width * scale) as u32 + 98, (height * scale) as u32 + 60);
@@ -58,8 +59,18 @@ fn shown(counts: impl Iterator<Item = f64>) -> Vec<f64> {
 }
 
 fn legend(words: f64, cell_m: f64) -> String {
-    let count = if words < 1e6 { format!("{words:.0}") } else { format!("{words:.1e}") };
-    format!("{count} word{} in {:.0} mm", if words == 1.0 { "" } else { "s" }, 1e3 * cell_m)
+    format!("{} in {1:.0} × {1:.0} mm", count(words), 1e3 * cell_m)
+}
+
+/// What a square says of itself: `12 words around x 50 mm, y 4200 mm`.
+fn note(words: f64, square: &[i16; 2], axes: [usize; 2], cell_m: f64) -> String {
+    let [x, y] = [0, 1].map(|k| format!("{} {:.0} mm", ["x", "y", "z"][axes[k]], 1e3 * cell_m * f64::from(square[k])));
+    format!("{} around {x}, {y}", count(words))
+}
+
+fn count(words: f64) -> String {
+    let number = if words < 1e6 { format!("{words:.0}") } else { format!("{words:.1e}") };
+    format!("{number} word{}", if words == 1.0 { "" } else { "s" })
 }
 
 #[cfg(test)]

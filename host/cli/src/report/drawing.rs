@@ -1,11 +1,12 @@
 //! The arm as lines in the xy-plane, and as SVG.
 
+use darm_core::actuator::Stage;
 use darm_core::real::Vec3;
 use darm_core::se::Pose;
 use maud::{Markup, html};
 use serde::Serialize;
 
-use super::{DrawnFrame, LoopReport};
+use super::{Drawing, DrawnFrame, LoopReport};
 use darm_arm::arm::frames::DesiredFrame;
 use darm_arm::arm::{Arm, ArmScratch};
 
@@ -28,6 +29,8 @@ pub struct Posture {
     pub extended_actuators: Vec<usize>,
     /// Plates between stages, from the leftmost anchor to the rightmost; links.
     pub plates: Vec<Line>,
+    /// Where the servo joints are: x, y in m.
+    pub servos: Vec<[f64; 2]>,
     /// The tool: x, y in m, angle in rad.
     pub tool: [f64; 3],
 }
@@ -42,6 +45,7 @@ pub fn posture(arm: &Arm, frame: &DesiredFrame, scratch: &mut ArmScratch) -> Opt
         contracted_actuators: Vec::new(),
         extended_actuators: Vec::new(),
         plates: Vec::new(),
+        servos: Vec::new(),
         tool: [tool.position.x, tool.position.y, tool.rotation.m21.atan2(tool.rotation.m11)],
     };
     let mut actuator = 0;
@@ -56,6 +60,9 @@ pub fn posture(arm: &Arm, frame: &DesiredFrame, scratch: &mut ArmScratch) -> Opt
         }
         posture.plates.extend(plate(&below, settings().map(|setting| setting.base)));
         posture.plates.extend(plate(&top, settings().map(|setting| setting.top)));
+        if matches!(stage, Stage::Servo(_)) {
+            posture.servos.push([top.position.x, top.position.y]);
+        }
         if stage.leg(0).is_none() {
             posture.plates.push(line(&below, &Vec3::zeros(), &top, &Vec3::zeros()));
         }
@@ -97,7 +104,7 @@ pub(super) fn figure(report: &LoopReport) -> Markup {
         div.arms {
             @for frame in frames {
                 figure {
-                    (one(frame, bounds))
+                    (one(frame, &report.drawing, bounds))
                     figcaption { b { (frame.name) } " " code { (frame.word) } }
                 }
             }
@@ -115,7 +122,7 @@ fn bounds(frames: &[DrawnFrame]) -> [f64; 4] {
     [x0 - 0.25, y0 - 0.15, x1 + 0.25, y1 + 0.35]
 }
 
-fn one(frame: &DrawnFrame, [x0, y0, x1, y1]: [f64; 4]) -> Markup {
+fn one(frame: &DrawnFrame, drawing: &Drawing, [x0, y0, x1, y1]: [f64; 4]) -> Markup {
     let (width, height) = ((x1 - x0) * SCALE, (y1 - y0) * SCALE);
     let at = |[x, y]: [f64; 2]| ((x - x0) * SCALE, (y1 - y) * SCALE);
     let lines = |class, drawn| lines(class, drawn, at);
@@ -129,8 +136,12 @@ fn one(frame: &DrawnFrame, [x0, y0, x1, y1]: [f64; 4]) -> Markup {
             (lines("leg", &frame.synthesised.contracted))
             (lines("leg out", &frame.synthesised.extended))
             (lines("plate", &frame.synthesised.plates))
-            (numbers(&frame.synthesised.contracted, &frame.synthesised.contracted_actuators, at))
-            (numbers(&frame.synthesised.extended, &frame.synthesised.extended_actuators, at))
+            (numbers(&frame.synthesised.contracted, &frame.synthesised.contracted_actuators, drawing, at))
+            (numbers(&frame.synthesised.extended, &frame.synthesised.extended_actuators, drawing, at))
+            @for (servo, place) in frame.synthesised.servos.iter().enumerate() {
+                @let (x, y) = at(*place);
+                text.number x=(n(x + 8.0)) y=(n(y)) style="text-anchor:start" { "servo " (servo) (title_of(&drawing.servos, servo)) }
+            }
             (axes(frame.desired, at))
         }
     }
@@ -147,14 +158,19 @@ fn lines(class: &str, lines: &[Line], at: impl Fn([f64; 2]) -> (f64, f64)) -> Ma
 }
 
 /// The number of each leg's actuator at a third of the leg, where those of crossing legs are apart.
-fn numbers(legs: &[Line], actuators: &[usize], at: impl Fn([f64; 2]) -> (f64, f64)) -> Markup {
+fn numbers(legs: &[Line], actuators: &[usize], drawing: &Drawing, at: impl Fn([f64; 2]) -> (f64, f64)) -> Markup {
     let third = |[a, b]: &Line| at([a[0] + (b[0] - a[0]) / 3.0, a[1] + (b[1] - a[1]) / 3.0]);
     html! {
         @for (leg, actuator) in legs.iter().zip(actuators) {
             @let (x, y) = third(leg);
-            text.number x=(n(x)) y=(n(y)) { (actuator) }
+            text.number x=(n(x)) y=(n(y)) { (actuator) (title_of(&drawing.actuators, *actuator)) }
         }
     }
+}
+
+/// What is shown under the pointer.
+fn title_of(labels: &[String], index: usize) -> Markup {
+    html! { @if let Some(label) = labels.get(index) { title { (label) } } }
 }
 
 /// The desired frame: its two axes and its origin.

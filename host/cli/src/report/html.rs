@@ -84,6 +84,7 @@ fn synthesis(report: &LoopReport, s: &SynthesisFigures) -> Markup {
             h2 { "Synthesis" }
             p { "Stop positions with which the arm reaches the desired frames (" (s.case) "). Grey: the initial arm; dark: the synthesised arm, extended legs in colour, each with the number of its actuator; the cross is the desired frame." }
             (drawing::figure(report))
+            p.legend { @for label in report.drawing.actuators.iter().chain(&report.drawing.servos) { span { (label) } " " } }
             div.two {
                 (frames_table(s))
                 (paper_table(s))

@@ -183,6 +183,10 @@ pub struct ClosedFrame {
 /// Lines of an arm in several frames.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Drawing {
+    /// Of each actuator: number, name and outputs.
+    pub actuators: Vec<String>,
+    /// Of each servo joint: number and name.
+    pub servos: Vec<String>,
     /// In each desired frame.
     pub frames: Vec<DrawnFrame>,
 }
@@ -232,7 +236,12 @@ impl Drawing {
     pub fn of(base_line: &Arm, synthesised: &Arm, desired: &[DesiredFrame]) -> Self {
         let mut scratch = ArmScratch::default();
         let drawn = |frame| DrawnFrame::of(base_line, synthesised, frame, &mut scratch);
-        Self { frames: desired.iter().filter_map(drawn).collect() }
+        let servo = |servo| format!("servo {servo}: {}", base_line.servo_name(servo));
+        Self {
+            actuators: (0..base_line.n_actuators()).map(|actuator| base_line.actuator_label(actuator)).collect(),
+            servos: (0..base_line.n_servos()).map(servo).collect(),
+            frames: desired.iter().filter_map(drawn).collect(),
+        }
     }
 }
 

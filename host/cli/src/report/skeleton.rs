@@ -22,7 +22,7 @@ pub(super) fn skeleton(title: &str, body: &Markup) -> Markup {
                 title { "darm: " (title) }
                 style { (PreEscaped(colors())) (PreEscaped(include_str!("style.css"))) }
             }
-            body { main { (body) } }
+            body { main { (body) } script { (PreEscaped(include_str!("page.js"))) } }
         }
     }
 }

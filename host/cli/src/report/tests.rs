@@ -104,6 +104,7 @@ fn page_and_json_have_the_same_numbers() {
     assert_eq!(json["drawing"]["frames"].as_array().unwrap().len(), 5);
     assert!(page.contains("ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"), "digest of run.csv");
     assert_eq!(page.matches("class=\"number\"").count(), 5 * 12, "each leg of each drawing has its number");
+    assert!(page.contains("<title>actuator 3: module 2, left leg, output 3</title>"), "and its name and output");
 }
 
 #[test]

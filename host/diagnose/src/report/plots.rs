@@ -38,18 +38,21 @@ pub(super) fn by_word(diagnosis: &Diagnosis) -> Markup {
     let rms = |visits: &[&Visit], of: fn(&Visit) -> f64| {
         1e3 * (visits.iter().map(|visit| of(visit).powi(2)).sum::<f64>() / visits.len() as f64).sqrt()
     };
-    let mut rows: Vec<(f64, f64, bool)> =
-        words.values().map(|(of, held_out)| (rms(of, |v| v.before_m), rms(of, |v| v.after_m), *held_out)).collect();
-    rows.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let marks = |of: fn(&(f64, f64, bool)) -> f64| -> Vec<Mark> {
-        rows.iter().enumerate().map(|(k, row)| Mark { at: [k as f64 + 0.5, of(row)], held_out: row.2 }).collect()
+    let row = |(word, (of, held_out)): (&&str, &(Vec<&Visit>, bool))| {
+        let [before, after] = [rms(of, |v| v.before_m), rms(of, |v| v.after_m)];
+        Row { word: (*word).to_owned(), before, after, held_out: *held_out }
+    };
+    let mut rows: Vec<Row> = words.iter().map(row).collect();
+    rows.sort_by(|a, b| b.before.total_cmp(&a.before));
+    let marks = |of: fn(&Row) -> f64| -> Vec<Mark> {
+        rows.iter().enumerate().map(|(k, row)| row.mark(k as f64 + 0.5, of(row))).collect()
     };
     let x = Axis {
         label: "words, largest error first".into(),
         range: 0.0..rows.len().max(1) as f64,
         scale: Scale::Unnumbered,
     };
-    errors(diagnosis, WIDE, x, [marks(|row| row.0), marks(|row| row.1)])
+    errors(diagnosis, WIDE, x, [marks(|row| row.before), marks(|row| row.after)])
 }
 
 /// Error over one quantity; `None` where it was not measured or is constant.
@@ -61,7 +64,8 @@ pub(super) fn over(diagnosis: &Diagnosis, name: &str, of: &dyn Fn(&Point, &Visit
     }
     let marks = |error: fn(&Visit) -> f64| -> Vec<Mark> {
         let mark = |(point, visit): (&Point, &Visit)| {
-            Some(Mark { at: [of(point, visit)?, 1e3 * error(visit)], held_out: point.held_out })
+            let (at, note) = ([of(point, visit)?, 1e3 * error(visit)], visit.word.clone());
+            Some(Mark { at, held_out: point.held_out, note })
         };
         visits(diagnosis).filter_map(mark).collect()
     };
@@ -74,21 +78,44 @@ fn visits(diagnosis: &Diagnosis) -> impl Iterator<Item = (&Point, &Visit)> {
     diagnosis.points.iter().filter_map(|point| Some((point, point.visit.as_ref()?)))
 }
 
+/// Errors of a word, root mean square over its visits, mm.
+struct Row {
+    word: String,
+    before: f64,
+    after: f64,
+    held_out: bool,
+}
+
+impl Row {
+    fn mark(&self, x: f64, y: f64) -> Mark {
+        Mark { at: [x, y], held_out: self.held_out, note: self.word.clone() }
+    }
+}
+
 /// A value before or after the correction.
 struct Mark {
     at: [f64; 2],
     held_out: bool,
+    /// What it is the value of; empty where the axes say it.
+    note: String,
 }
 
 /// Marks as series: discs of held-out rows, circles of the others.
 fn series([before, after]: [Vec<Mark>; 2]) -> Vec<Series> {
-    let of = |(marks, color): (Vec<Mark>, Color)| {
-        let (held_out, train): (Vec<_>, Vec<_>) = marks.into_iter().partition(|mark| mark.held_out);
-        let places = |marks: Vec<Mark>| marks.into_iter().map(|mark| mark.at).collect();
-        [Shape::Circles(RADIUS, places(train)), Shape::Discs(RADIUS, places(held_out))]
-            .map(|shape| Series::unnamed(color, shape))
-    };
-    [(before, BEFORE), (after, AFTER)].into_iter().flat_map(of).collect()
+    let [before, after] = [side(before, BEFORE, "before"), side(after, AFTER, "after")];
+    before.into_iter().chain(after).collect()
+}
+
+/// The marks of one side, with its name in their notes.
+fn side(marks: Vec<Mark>, color: Color, name: &str) -> [Series; 2] {
+    let (held_out, train): (Vec<_>, Vec<_>) = marks.into_iter().partition(|mark| mark.held_out);
+    let places = |marks: &[Mark]| marks.iter().map(|mark| mark.at).collect();
+    let note = |mark: &Mark, rows: &str| format!("{} {name}{rows}", mark.note).trim_start().to_owned();
+    let notes = |marks: &[Mark], rows: &str| marks.iter().map(|mark| note(mark, rows)).collect();
+    [
+        Series::unnamed(color, Shape::Circles(RADIUS, places(&train))).with_notes(notes(&train, "")),
+        Series::unnamed(color, Shape::Discs(RADIUS, places(&held_out))).with_notes(notes(&held_out, ", held out")),
+    ]
 }
 
 /// Errors in mm before and after, on a logarithmic scale, with the repeatability as a line.
@@ -99,7 +126,10 @@ fn errors(diagnosis: &Diagnosis, size: (u32, u32), x: Axis, mut marks: [Vec<Mark
     let low = all().fold(f64::INFINITY, f64::min).max(1e-2);
     let high = all().fold(0.0, f64::max).max(2.0 * low);
     let y = Axis::logarithmic("error d, mm", 0.7 * low..1.4 * high);
-    let line = |noise| Series::unnamed(NOISE, Shape::Line(vec![[x.range.start, noise], [x.range.end, noise]]));
+    let line = |noise| {
+        let ends = Shape::Line(vec![[x.range.start, noise], [x.range.end, noise]]);
+        Series::unnamed(NOISE, ends).with_notes(vec!["repeatability".into(); 2])
+    };
     let series = noise_mm.map(line).into_iter().chain(series(marks)).collect();
     PreEscaped(Chart { size, x, y, series, ..Chart::default() }.svg())
 }
@@ -108,11 +138,9 @@ fn errors(diagnosis: &Diagnosis, size: (u32, u32), x: Axis, mut marks: [Vec<Mark
 pub(super) fn along_rows(points: &[Point], axis: usize, label: &str) -> Markup {
     let step = points.len().div_ceil(MAX_POINTS).max(1);
     let marks = |of: fn(&Point) -> &Vec<f64>| -> Vec<Mark> {
-        let mark = |(row, point): (usize, &Point)| Mark {
-            at: [row as f64, of(point).get(axis).copied().unwrap_or(0.0)],
-            held_out: point.held_out,
-        };
-        points.iter().enumerate().step_by(step).map(mark).collect()
+        let at = |row: usize, point: &Point| [row as f64, of(point).get(axis).copied().unwrap_or(0.0)];
+        let rows = points.iter().enumerate().step_by(step);
+        rows.map(|(row, point)| Mark { at: at(row, point), held_out: point.held_out, note: String::new() }).collect()
     };
     let marks = [marks(|point| &point.before), marks(|point| &point.after)];
     let largest = marks.iter().flatten().map(|mark| mark.at[1].abs()).fold(f64::MIN_POSITIVE, f64::max);

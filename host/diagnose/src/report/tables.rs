@@ -152,7 +152,7 @@ fn rest(d: &Diagnosis) -> Markup {
 fn proposal(next: &NextMeasurement) -> Markup {
     html! {
         h3 { "Measure next" }
-        p { "To distinguish " (next.distinguishes) @if let Some(conditions) = &next.conditions { ", " (conditions) } "." }
+        p { "To distinguish " (next.distinguishes) @if let Some(conditions) = &next.conditions { ", " (conditions) } @if !next.rows.is_empty() { "; conditions in SI units, angles in rad" } "." }
         @if !next.words.is_empty() { p { @for word in &next.words { code { (word) } " " } } }
         @if let Some(first) = next.rows.first() {
             table {

@@ -51,7 +51,8 @@ impl Signals {
             law: first.law,
             places: candidates.iter().map(|&k| self.experiment.candidates[k].site.place).collect(),
             constant: shape.map(|(_, constant, _)| *constant),
-            text: text + &shape.map_or(String::new(), |(name, value, unit)| format!(", {name} {value:.3} {unit}")),
+            text: text
+                + &shape.map_or(String::new(), |(name, value, unit)| format!(", {name} {} {unit}", digits(*value))),
         }
     }
 
@@ -165,4 +166,9 @@ fn added(problem: &Signals, number: usize, fit: &Fit) -> Option<Vec<usize>> {
         }
     };
     (added.len() >= all.len().min(2)).then_some(added)
+}
+
+/// A constant of a law with two digits at least: a creep speed may be a hundredth of a millimetre a second.
+fn digits(value: f64) -> String {
+    if value >= 0.1 { format!("{value:.3}") } else { format!("{value:.1e}") }
 }
