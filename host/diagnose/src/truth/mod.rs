@@ -161,7 +161,7 @@ impl<'a> TrueState<'a> {
 }
 
 impl Truth {
-    /// A true arm of `arm`'s geometry with an effect drawn by `seed`: of this `kind`, or of any.
+    /// A true arm of `arm`'s geometry with an effect drawn by `seed`: of this `kind`, or of any that is large enough.
     ///
     /// # Errors
     ///
@@ -169,7 +169,29 @@ impl Truth {
     /// this kind give an effect that is large enough at the desired frames.
     pub fn draw(arm: &Arm, desired: &[DesiredFrame], seed: u64, kind: Option<Kind>) -> Result<Self, TruthError> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x7a11_ed00);
-        let kind = kind.unwrap_or_else(|| Kind::EFFECTS[rng.random_range(0..Kind::EFFECTS.len())]);
+        if let Some(kind) = kind {
+            return Self::of_kind(arm, desired, seed, kind, rng);
+        }
+        let kinds = Kind::EFFECTS;
+        let first = rng.random_range(0..kinds.len());
+        let others = (1..kinds.len()).map(|next| kinds[(first + next) % kinds.len()]);
+        let mut drawn = Self::of_kind(arm, desired, seed, kinds[first], rng.clone());
+        for kind in others {
+            if !matches!(drawn, Err(TruthError::TooWeak { .. })) {
+                break;
+            }
+            drawn = Self::of_kind(arm, desired, seed, kind, rng.clone());
+        }
+        drawn
+    }
+
+    fn of_kind(
+        arm: &Arm,
+        desired: &[DesiredFrame],
+        seed: u64,
+        kind: Kind,
+        mut rng: ChaCha8Rng,
+    ) -> Result<Self, TruthError> {
         let surroundings = Surroundings::draw(&mut rng, arm.model.nominal_supply, arm.model.reference_temperature_k);
         let sealed = Sealed::nothing(seed);
         let mut truth = Self { body: Body::of(arm), surroundings, mechanisms: Vec::new(), sealed };
