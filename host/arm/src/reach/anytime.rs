@@ -87,7 +87,7 @@ pub fn nearest(
     let &Query { target, count, forbidden } = query;
     let stages = stages(arm, options)?;
     let (head, tail) = stages.split_at(cut(&stages, options.max_tails));
-    let tails = Tails::new(tail, extent_m(&stages), options.length_scale_m, arm.rest());
+    let tails = Tails::new(tail, extent_m(&stages), options.length_scale_m, arm.rest(), &|| true)?;
     let mut search = Search {
         target,
         scale_m: options.length_scale_m,

@@ -66,6 +66,9 @@ pub enum ReachError {
     /// The arm has servo joints, and frames are wanted that hold for all of their angles.
     #[error("an arm with servo joints has other frames at every angle: no board holds them, and no search by effects")]
     Servos,
+    /// Nobody waits for the result any more.
+    #[error("the search was given up")]
+    GivenUp,
     /// None of the allowed settings puts a stage together.
     #[error("stage {stage} cannot be assembled in any of its allowed states: change its legs or free an actuator")]
     NoSetting {

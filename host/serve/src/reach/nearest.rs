@@ -135,11 +135,12 @@ impl NearestRequest {
         if known.as_ref().is_none_or(|known| known.options != options) {
             work.is_at("index", 0.0);
             *known = None;
-            match Index::new(arm, &options) {
+            match Index::new_while(arm, &options, || work.is_wanted()) {
                 Ok(index) => *known = Some(Search { options: options.clone(), index }),
                 Err(ReachError::TooManyWords { .. }) => {
                     return within_time(arm, &query, &options, work).map_err(refused);
                 }
+                Err(ReachError::GivenUp) => return Ok(None),
                 Err(error) => return Err(refused(error)),
             }
         }

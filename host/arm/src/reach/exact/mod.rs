@@ -103,6 +103,15 @@ impl Index {
     /// [`ReachError::NoSetting`]: a stage cannot be assembled in any of the settings that `options` allow.
     /// [`ReachError::TooManyWords`]: the head has too many frames to form.
     pub fn new(arm: &Arm, options: &Options) -> Result<Self, ReachError> {
+        Self::new_while(arm, options, || true)
+    }
+
+    /// The same while `go_on` says so; it is called some thousand times.
+    ///
+    /// # Errors
+    ///
+    /// As [`new`](Self::new). [`ReachError::GivenUp`]: `go_on` said no.
+    pub fn new_while(arm: &Arm, options: &Options, go_on: impl Fn() -> bool + Sync) -> Result<Self, ReachError> {
         let stages = stages(arm, options)?;
         let rest = arm.rest();
         let (head, tail) = stages.split_at(cut(&stages, options.max_tails));
@@ -111,7 +120,7 @@ impl Index {
         if size(outer).max(size(inner)) > MAX_FACTOR as f64 {
             return Err(ReachError::TooManyWords { digits: arm.n_actuators() });
         }
-        let tails = Tails::new(tail, extent_m(&stages), options.length_scale_m, rest);
+        let tails = Tails::new(tail, extent_m(&stages), options.length_scale_m, rest, &go_on)?;
         Ok(Self { outer: frames::product(outer, rest), inner: frames::product(inner, rest), tails })
     }
 
@@ -253,13 +262,19 @@ pub(super) fn extent_m(stages: &[Frames]) -> f64 {
 }
 
 impl Tails {
-    /// Sorts the products of `stages`, of an arm that reaches as far as `extent_m`.
-    pub(super) fn new(stages: &[Frames], extent_m: f64, length_scale_m: f64, rest: Word) -> Self {
+    /// Sorts the products of `stages`, of an arm that reaches as far as `extent_m`, while `go_on` says so.
+    pub(super) fn new(
+        stages: &[Frames],
+        extent_m: f64,
+        length_scale_m: f64,
+        rest: Word,
+        go_on: &(dyn Fn() -> bool + Sync),
+    ) -> Result<Self, ReachError> {
         let (left, right) = stages.split_at(frames::middle(stages));
         let (left, right) = (frames::product(left, rest), frames::product(right, rest));
-        let tree = Tree::new(&left, &right, length_scale_m);
+        let tree = Tree::new(&left, &right, length_scale_m, go_on).ok_or(ReachError::GivenUp)?;
         let rounding_m = 64.0 * f64::from(f32::EPSILON) * (extent_m + length_scale_m);
-        Self { left, right, tree, length_scale_m, rounding_m }
+        Ok(Self { left, right, tree, length_scale_m, rounding_m })
     }
 
     /// How many words they have.

@@ -1,6 +1,7 @@
 //! The search agrees with looking at all words.
 
 use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use darm_core::actuator::{Axis, DiscreteJoint, JointKind, Stage};
 use darm_core::se::Pose;
@@ -10,7 +11,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::{Index, NoPattern, Options, Pattern, Query, switches, words_to_choose_from};
 use crate::arm::Arm;
-use crate::reach::frames;
+use crate::reach::{ReachError, frames};
 
 fn planar4() -> Arm {
     Arm::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/planar4.toml")).unwrap()
@@ -138,5 +139,21 @@ fn the_fewest_switches_win_within_the_tolerance() {
         let wanted = all.iter().find(|(_, word)| switches(word, &from, 12) == fewest).unwrap();
         assert_eq!((found.word, switches(&found.word, &from, 12)), (wanted.1, fewest));
         assert_eq!(index.fewest_switches(&target, 0.5 * all[0].0, &from, &[]), None);
+    }
+}
+
+#[test]
+fn an_index_that_is_given_up_while_it_is_formed_is_none() {
+    let (arm, calls) = (planar4(), AtomicUsize::new(0));
+    let until = |last: usize| {
+        calls.store(0, Ordering::Relaxed);
+        let go_on = || calls.fetch_add(1, Ordering::Relaxed) < last;
+        Index::new_while(&arm, &Options::of(&arm), go_on).map(|index| index.words())
+    };
+    assert_eq!(until(usize::MAX), Ok(4096.0));
+    let all = calls.load(Ordering::Relaxed);
+    assert!(all > 50, "it is asked {all} times");
+    for last in [0, 1, all / 2, all - 1] {
+        assert_eq!(until(last), Err(ReachError::GivenUp), "after {last} of {all}");
     }
 }

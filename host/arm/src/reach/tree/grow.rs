@@ -25,14 +25,14 @@ impl Tree {
         [x, y, z, a, b, c, d, 0.0]
     }
 
-    /// Sorts all products.
-    pub(super) fn grow(&mut self) {
+    /// Sorts all products; `false` where `go_on` says no before the end, and the tree is of no use.
+    pub(super) fn grow(&mut self, go_on: &(dyn Fn() -> bool + Sync)) -> bool {
         let leaves = self.len().div_ceil(LEAF).next_power_of_two();
         let buckets = (self.len() / BUCKET).max(1).next_power_of_two().min(leaves);
         self.bucket_levels = buckets.trailing_zeros();
         self.leaf_levels = (leaves / buckets).trailing_zeros();
         let upper = self.upper_splits(buckets);
-        let (mut order, firsts) = self.in_buckets(&upper);
+        let (mut order, firsts) = self.in_buckets(&upper, go_on);
         let in_each = leaves / buckets;
         let mut lower = vec![Split::default(); leaves];
         let mut leaf_boxes = vec![LeafBox::default(); leaves];
@@ -46,12 +46,14 @@ impl Tree {
             parts.push(Bucket { first: bounds[0] as u32, products, splits, starts, boxes });
             rest = after;
         }
-        let boxes: Vec<_> = parts.into_par_iter().map(|bucket| self.in_leaves(bucket)).collect();
+        let sorted = parts.into_par_iter().map(|bucket| go_on().then(|| self.in_leaves(bucket)));
+        let Some(boxes) = sorted.collect::<Option<Vec<_>>>() else { return false };
         boxes.iter().for_each(|corners| join(&mut self.corners, corners));
         (self.boxes, self.leaf_boxes) = (boxes, leaf_boxes);
         self.splits = upper;
         self.splits.extend(lower);
         (self.starts, self.order) = (starts, order);
+        true
     }
 
     /// The splits down to `buckets` from a sample of all products.
@@ -65,12 +67,12 @@ impl Tree {
         upper
     }
 
-    /// All products sorted by bucket, and where each bucket begins.
-    fn in_buckets(&self, upper: &[Split]) -> (Vec<u32>, Vec<usize>) {
+    /// All products sorted by bucket, and where each bucket begins. Once `go_on` says no they are in any bucket.
+    fn in_buckets(&self, upper: &[Split], go_on: &(dyn Fn() -> bool + Sync)) -> (Vec<u32>, Vec<usize>) {
         let buckets = upper.len();
         let mut keys = vec![0; self.len()];
         let rows = keys.par_chunks_mut(self.rights.len()).enumerate();
-        rows.for_each(|(left, keys)| {
+        rows.filter(|_| go_on()).for_each(|(left, keys)| {
             let first = (left << self.right_bits) as u32;
             let mut points = [[0.0; DIMS + 1]; ABREAST];
             for (block, keys) in keys.chunks_mut(ABREAST).enumerate() {

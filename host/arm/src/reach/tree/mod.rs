@@ -116,10 +116,16 @@ fn quaternion(pose: &Pose<f64>) -> [f64; 4] {
 }
 
 impl Tree {
-    /// The tree of all products `left · right`, with one radian as far as `length_scale_m`.
+    /// The tree of all products `left · right`, with one radian as far as `length_scale_m`; `None` where `go_on` says no before it
+    /// is complete.
     ///
     /// There must be fewer than 2³² products, and of the numbers of bits of both counts.
-    pub(in crate::reach) fn new(left: &Frames, right: &Frames, length_scale_m: f64) -> Self {
+    pub(in crate::reach) fn new(
+        left: &Frames,
+        right: &Frames,
+        length_scale_m: f64,
+        go_on: &(dyn Fn() -> bool + Sync),
+    ) -> Option<Self> {
         let right_bits = usize::BITS - (right.len() - 1).leading_zeros();
         let reference = left.poses.first().map_or(Pose::identity(), |pose| *pose)
             * right.poses.first().map_or(Pose::identity(), |pose| *pose);
@@ -139,8 +145,7 @@ impl Tree {
             corners: NOTHING,
         };
         tree.set_reference();
-        tree.grow();
-        tree
+        tree.grow(go_on).then_some(tree)
     }
 
     /// Bytes that the tree takes.
