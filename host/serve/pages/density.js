@@ -39,8 +39,9 @@ export class DensityPlot {
     const [width, height] = [0, 1].map((axis) => high[axis] - low[axis] + 3);
     this.scale = LONG_PX / Math.max(width, height);
     this.size = [width * this.scale, height * this.scale];
+    const [across, down] = [this.size[0] + ROOM.left + ROOM.right, this.size[1] + ROOM.top + ROOM.bottom];
     const svg = make('svg', {
-      width: this.size[0] + ROOM.left + ROOM.right, height: this.size[1] + ROOM.top + ROOM.bottom, role: 'img',
+      width: across, height: down, viewBox: `0 0 ${across} ${down}`, role: 'img',
       'aria-label': `Density of reachable positions in ${names.join('')}: ${cells.length} cells of ${(1e3 * cell_m).toFixed(0)} mm, up to ${most.toPrecision(3)} words in one`,
     });
     svg.append(make('rect', { x: ROOM.left, y: ROOM.top, width: this.size[0], height: this.size[1], class: 'ground' }));
