@@ -28,8 +28,11 @@ pub fn read(path: &Path, dialect: Dialect) -> Result<Recording, ImportError> {
     let mut bytes = load(path)?;
     if bytes.starts_with(&[0x1f, 0x8b]) {
         let mut expanded = Vec::new();
-        let read = MultiGzDecoder::new(&bytes[..]).read_to_end(&mut expanded);
+        let read = MultiGzDecoder::new(&bytes[..]).take(array::MAX_BYTES + 1).read_to_end(&mut expanded);
         read.map_err(|error| ImportError::new(path, "", format!("cannot be expanded ({error}): the file is damaged")))?;
+        if expanded.len() as u64 > array::MAX_BYTES {
+            return Err(ImportError::new(path, "", "expands to more than 1 GiB: save a part of it".to_owned()));
+        }
         bytes = expanded;
     }
     if bytes.starts_with(b"SQLite format 3\0") {

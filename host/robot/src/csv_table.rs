@@ -10,6 +10,7 @@
 //! assert_eq!(error.to_string(), "a.csv:3:4: column y_m holds `far`, expected a number; correct the cell");
 //! ```
 
+use std::collections::HashSet;
 use std::io::{Chain, Read as _};
 use std::path::Path;
 use std::str::FromStr;
@@ -121,7 +122,8 @@ impl CsvTable {
             return Err(Source::of_text(path, text).error(None, Fault::Content(Box::new(CsvFault::NoHeader))));
         }
         let named = |k: usize| header.get(k).filter(|name| !name.is_empty());
-        if let Some(doubled) = (1..header.len()).find(|&k| named(k).is_some() && (0..k).any(|j| named(j) == named(k))) {
+        let mut seen = HashSet::new();
+        if let Some(doubled) = (0..header.len()).find(|&k| named(k).is_some_and(|name| !seen.insert(name))) {
             let fault = Fault::Content(CsvFault::Doubled(header[doubled].into()).into());
             return Err(FileError {
                 path: path.into(),

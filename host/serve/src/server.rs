@@ -178,8 +178,16 @@ async fn serve(listener: TcpListener, router: Router, ended: oneshot::Receiver<(
         // Where it fails answers come a little later.
         let _ = stream.set_nodelay(true);
     });
-    let ended = async { drop(ended.await) };
-    axum::serve(listener, router).with_graceful_shutdown(ended).await
+    let (begin, begun) = oneshot::channel::<()>();
+    let served = axum::serve(listener, router).with_graceful_shutdown(async { drop(begun.await) });
+    let served = tokio::spawn(served.into_future());
+    drop(ended.await);
+    drop(begin);
+    match tokio::time::timeout(ENDING, served).await {
+        Ok(served) => served.map_err(io::Error::other)?,
+        // A client that has sent half a request does not hold up the end.
+        Err(_elapsed) => Ok(()),
+    }
 }
 
 fn router(hub: Arc<Hub>, access: Access) -> Router {

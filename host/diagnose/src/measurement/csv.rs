@@ -18,6 +18,9 @@ use super::log::{self, LogError};
 use super::mcap::Log;
 use super::{Run, Sample};
 
+/// Most bytes that a compressed file may expand to.
+const MAX_EXPANDED: u64 = 1 << 30;
+
 /// The table in a file.
 pub(super) struct Content {
     /// Comma-separated text of complete rows.
@@ -34,7 +37,7 @@ pub(super) fn content(path: &Path) -> Result<Content, ReadError> {
     let mut text = std::fs::read(path).map_err(io)?;
     let mut cut = false;
     if ends_in("gz") {
-        (text, cut) = expanded(&text).map_err(io)?;
+        (text, cut) = expanded(&text, MAX_EXPANDED).map_err(io)?;
     } else if ends_in("mcap") {
         let log = log::to_text_of_complete_rows(&text);
         (text, cut) = log.map_err(|error| ReadError::Log { path: path.into(), error })?;
@@ -48,10 +51,14 @@ pub(super) fn content(path: &Path) -> Result<Content, ReadError> {
     Ok(Content { text, cut })
 }
 
-/// Compressed text, and whether it ends early; an error where not even its beginning can be read.
-fn expanded(bytes: &[u8]) -> io::Result<(Vec<u8>, bool)> {
+/// Compressed text, and whether it ends early; an error where not even its beginning can be read, or where it is longer than
+/// `max_bytes`.
+fn expanded(bytes: &[u8], max_bytes: u64) -> io::Result<(Vec<u8>, bool)> {
     let mut text = Vec::new();
-    match MultiGzDecoder::new(bytes).read_to_end(&mut text) {
+    match MultiGzDecoder::new(bytes).take(max_bytes + 1).read_to_end(&mut text) {
+        Ok(length) if length as u64 > max_bytes => {
+            Err(io::Error::other("it expands to more than 1 GiB; record less at once, or keep every tenth row"))
+        }
         Ok(_) => Ok((text, false)),
         Err(error) if error.kind() == io::ErrorKind::UnexpectedEof && !text.is_empty() => Ok((text, true)),
         Err(error) => Err(error),
@@ -177,4 +184,19 @@ fn pose_cells(pose: &Pose<f64>, planar: bool) -> Vec<String> {
     }
     let w = pose.log().angular;
     vec![metres(p.x), metres(p.y), metres(p.z), degrees(w.x), degrees(w.y), degrees(w.z)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_compressed_file_expands_to_no_more_than_memory_is_given_for() {
+        let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
+        encoder.write_all(&[b'0'; 10_000]).unwrap();
+        let bomb = encoder.finish().unwrap();
+        assert!(bomb.len() < 100);
+        assert_eq!(expanded(&bomb, 10_000).unwrap(), (vec![b'0'; 10_000], false));
+        assert!(expanded(&bomb, 9_999).unwrap_err().to_string().contains("more than 1 GiB"));
+    }
 }

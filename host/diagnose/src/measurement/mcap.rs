@@ -35,8 +35,8 @@ pub use write::Writer;
 pub const MAGIC: [u8; 8] = [0x89, b'M', b'C', b'A', b'P', b'0', b'\r', b'\n'];
 /// The check sum of chunks, data and summary.
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
-/// A chunk may expand to as many bytes.
-const LARGEST_CHUNK: u64 = 1 << 30;
+/// The chunks of a log may expand to as many bytes.
+const MAX_EXPANDED: u64 = 1 << 30;
 
 /// Why bytes are no container.
 #[derive(Debug, thiserror::Error)]
@@ -50,6 +50,12 @@ pub enum McapError {
     /// A chunk that cannot be expanded.
     #[error("a chunk in the compression `{0}` cannot be expanded; known are none, zstd and lz4")]
     Compression(String),
+    /// Chunks that expand to more than memory is given for.
+    #[error("the chunks expand to more than 1 GiB; split the log")]
+    TooLarge,
+    /// A chunk in a chunk, which the format does not know.
+    #[error("a chunk is inside another one: the log is damaged")]
+    Nested,
     /// Bytes that have changed since they were written.
     #[error("the check sum of {0} does not match: the log is damaged, use another copy")]
     Damaged(&'static str),
@@ -151,7 +157,8 @@ impl Log {
         let mut log = Self::default();
         let records = bytes.strip_prefix(&MAGIC).ok_or(McapError::Magic)?;
         let complete = records.strip_suffix(&MAGIC);
-        let cut = match log.records(complete.unwrap_or(records)) {
+        let mut room = Room { left: MAX_EXPANDED, is_in_chunk: false };
+        let cut = match log.records(complete.unwrap_or(records), &mut room) {
             Err(McapError::Cut(_)) => true,
             end => end.map(|()| complete.is_none())?,
         };
@@ -162,10 +169,10 @@ impl Log {
         }
     }
 
-    fn records(&mut self, bytes: &[u8]) -> Result<(), McapError> {
+    fn records(&mut self, bytes: &[u8], room: &mut Room) -> Result<(), McapError> {
         let mut rest = Bytes(bytes);
         while !rest.0.is_empty() {
-            self.record(&mut rest)?;
+            self.record(&mut rest, room)?;
         }
         Ok(())
     }
@@ -191,18 +198,23 @@ impl Log {
         }
     }
 
-    fn record(&mut self, rest: &mut Bytes) -> Result<(), McapError> {
+    fn record(&mut self, rest: &mut Bytes, room: &mut Room) -> Result<(), McapError> {
         let cut = McapError::Cut(self.messages.len());
         let Some((opcode, mut content)) = rest.record() else { return Err(cut) };
         match opcode {
             3 => self.schema(&mut content).ok_or(cut),
             4 => self.channel(&mut content).ok_or(cut),
             5 => self.message(&mut content).ok_or(cut),
+            6 if room.is_in_chunk => Err(McapError::Nested),
             6 => {
                 let Some(Chunk { mut crc, compression, records }) = chunk(&mut content) else { return Err(cut) };
-                let expanded = expanded(&compression, records).ok_or(McapError::Compression(compression))?;
+                let expanded = expanded(&compression, records, room.left).ok_or(McapError::Compression(compression))?;
+                room.left = room.left.checked_sub(expanded.len() as u64).ok_or(McapError::TooLarge)?;
                 expect_sum(&mut crc, &expanded, "a chunk")?;
-                self.records(&expanded)
+                room.is_in_chunk = true;
+                self.records(&expanded, room)?;
+                room.is_in_chunk = false;
+                Ok(())
             }
             12 => self.metadata(&mut content).ok_or(cut),
             _ => Ok(()),
@@ -239,6 +251,12 @@ impl Log {
     }
 }
 
+/// Where records are read, and how many bytes chunks may still expand to.
+struct Room {
+    left: u64,
+    is_in_chunk: bool,
+}
+
 /// A chunk as it is stored.
 struct Chunk<'a> {
     crc: Bytes<'a>,
@@ -262,17 +280,18 @@ fn expect_sum(content: &mut Bytes, checked: &[u8], what: &'static str) -> Result
     }
 }
 
-fn expanded(compression: &str, records: &[u8]) -> Option<Vec<u8>> {
+/// The records of a chunk, cut behind the first byte for which no room is `left`.
+fn expanded(compression: &str, records: &[u8], left: u64) -> Option<Vec<u8>> {
     let mut bytes = Vec::new();
     match compression {
         "" => bytes.extend_from_slice(records),
         "zstd" => {
             let decoder = ruzstd::decoding::StreamingDecoder::new(records).ok()?;
-            decoder.take(LARGEST_CHUNK).read_to_end(&mut bytes).ok()?;
+            decoder.take(left + 1).read_to_end(&mut bytes).ok()?;
         }
         "lz4" => {
             let decoder = lz4_flex::frame::FrameDecoder::new(records);
-            decoder.take(LARGEST_CHUNK).read_to_end(&mut bytes).ok()?;
+            decoder.take(left + 1).read_to_end(&mut bytes).ok()?;
         }
         _ => return None,
     }
@@ -340,6 +359,31 @@ mod tests {
             let mut damaged = complete.clone();
             damaged[at] ^= 0x10;
             assert!(Log::read(&damaged).is_err(), "byte {at} of {}", complete.len());
+        }
+    }
+
+    /// A record with a chunk that is not compressed and has no check sum.
+    fn in_chunk(records: &[u8]) -> Vec<u8> {
+        let stored = [&[0; 3 * 8 + 4 + 4][..], &(records.len() as u64).to_le_bytes(), records].concat();
+        [&[6][..], &(stored.len() as u64).to_le_bytes(), &stored].concat()
+    }
+
+    #[test]
+    fn chunks_in_chunks_are_refused() {
+        let records = (0..3_000).fold(Vec::new(), |records, _| in_chunk(&records));
+        assert!(Log::read(&[&MAGIC, &in_chunk(&[])[..], &MAGIC].concat()).is_ok());
+        assert!(matches!(Log::read(&[&MAGIC, &records[..], &MAGIC].concat()), Err(McapError::Nested)));
+    }
+
+    #[test]
+    fn chunks_expand_to_no_more_than_there_is_room_for() {
+        let records = in_chunk(&[7; 100]);
+        let read = |left| Log::default().records(&records, &mut Room { left, is_in_chunk: false });
+        assert!(matches!(read(99), Err(McapError::TooLarge)));
+        assert!(!matches!(read(100), Err(McapError::TooLarge)));
+        for other in &OTHERS[1..] {
+            let end = Log::default().records(&other[MAGIC.len()..], &mut Room { left: 10, is_in_chunk: false });
+            assert!(matches!(end, Err(McapError::TooLarge)));
         }
     }
 

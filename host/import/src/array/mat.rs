@@ -58,7 +58,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Vec<Array>, Fault> {
         _ => return Err(no_mat_file()),
     };
     let mut reader = Reader { rest: body, is_big_endian };
-    let mut arrays = Vec::new();
+    let (mut arrays, mut left) = (Vec::new(), MAX_BYTES);
     while !reader.rest.is_empty() {
         let place = format!("variable {}", arrays.len() + 1);
         let cut = |what: &str| {
@@ -68,7 +68,8 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Vec<Array>, Fault> {
         let expanded;
         let (kind, content) = match kind {
             element::COMPRESSED => {
-                expanded = expand(content).map_err(|text| cut(&text))?;
+                expanded = expand(content, left).map_err(|text| cut(&text))?;
+                left -= expanded.len() as u64;
                 let mut inner = Reader { rest: &expanded, is_big_endian };
                 inner.element().ok_or_else(|| cut("it ends early"))?
             }
@@ -91,11 +92,15 @@ fn no_mat_file() -> Fault {
     )
 }
 
-fn expand(content: &[u8]) -> Result<Vec<u8>, String> {
+/// Expands what may take as many bytes as are `left`.
+fn expand(content: &[u8], left: u64) -> Result<Vec<u8>, String> {
     let mut bytes = Vec::new();
-    let read = ZlibDecoder::new(content).take(MAX_BYTES + 1).read_to_end(&mut bytes);
+    let read = ZlibDecoder::new(content).take(left + 1).read_to_end(&mut bytes);
     read.map_err(|error| format!("it cannot be expanded ({error})"))?;
-    if bytes.len() as u64 > MAX_BYTES { Err("it expands to more than 1 GiB".into()) } else { Ok(bytes) }
+    match bytes.len() as u64 > left {
+        true => Err("it expands, with the variables before it, to more than 1 GiB".into()),
+        false => Ok(bytes),
+    }
 }
 
 /// Elements that are read from the front.

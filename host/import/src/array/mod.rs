@@ -7,7 +7,7 @@ mod python_literal;
 use crate::recording::{Column, Part};
 
 /// Most bytes that a compressed array may expand to.
-const MAX_BYTES: u64 = 1 << 30;
+pub(crate) const MAX_BYTES: u64 = 1 << 30;
 /// Most columns of one array: more are samples of an image, say, and no columns of a table.
 const MAX_COLUMNS: usize = 1024;
 

@@ -76,17 +76,17 @@ pub(crate) fn read_archive(bytes: &[u8]) -> Result<Vec<Array>, Fault> {
         ))
     };
     let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).map_err(damaged)?;
-    let mut arrays = Vec::new();
+    let (mut arrays, mut left) = (Vec::new(), MAX_BYTES);
     for index in 0..archive.len() {
         let entry = archive.by_index(index).map_err(damaged)?;
         let name = entry.name().map_err(damaged)?.trim_end_matches(".npy").to_owned();
         let fault = |text: String| Fault::at(format!("array {name}"), text);
         let mut content = Vec::new();
-        let read = entry.take(MAX_BYTES + 1).read_to_end(&mut content);
+        let read = entry.take(left + 1).read_to_end(&mut content);
         read.map_err(|error| fault(format!("cannot be expanded ({error}): the file is damaged, save it again")))?;
-        if content.len() as u64 > MAX_BYTES {
-            return Err(fault("expands to more than 1 GiB: save a part of it".into()));
-        }
+        left = left
+            .checked_sub(content.len() as u64)
+            .ok_or_else(|| fault("expands, with the arrays before it, to more than 1 GiB: save a part of it".into()))?;
         arrays.extend(read_member(&name, &content)?);
     }
     Ok(arrays)

@@ -7,6 +7,7 @@ mod board;
 mod browser;
 mod diagnosis;
 mod history;
+mod hostile;
 mod http;
 mod live;
 mod logs;

@@ -1,0 +1,99 @@
+//! Clients that are slow, many or hostile: the server lives, and a stop gets through.
+
+use std::io::Write as _;
+use std::net::TcpStream;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use serde_json::json;
+
+use super::board::Bench;
+use super::http::request;
+
+/// A stop takes a few ms; a busy machine may need more.
+const STOP: Duration = Duration::from_secs(2);
+/// Nested deeper than any recursion of a thread of the server could follow.
+const DEPTH: usize = 200_000;
+
+/// The body of an upload of a model and measurements.
+fn upload(model: [&str; 2], data: [&str; 2]) -> Vec<u8> {
+    let file = |[name, text]: [&str; 2]| json!({ "name": name, "bytes": text.len() });
+    let head = json!({ "model": file(model), "data": file(data) });
+    format!("{head}\n{}{}", model[1], data[1]).into_bytes()
+}
+
+#[test]
+fn half_requests_hold_up_neither_a_stop_nor_the_end() {
+    let bench = Bench::start("planar4.toml");
+    bench.phase("idle");
+    let halves: Vec<TcpStream> = (0..100)
+        .map(|k| {
+            let mut stream = TcpStream::connect(bench.address()).unwrap();
+            let head = format!("POST /api/diagnosis/run HTTP/1.1\r\nHost: {}\r\n", bench.address());
+            let rest = if k % 2 == 0 { "" } else { "Content-Length: 60000000\r\n\r\n{\"model\"" };
+            stream.write_all((head + rest).as_bytes()).unwrap();
+            stream
+        })
+        .collect();
+    let began = Instant::now();
+    assert_eq!(bench.stop().status, 200);
+    assert!(began.elapsed() < STOP, "{:?}", began.elapsed());
+    let ending = Instant::now();
+    drop(bench);
+    assert!(ending.elapsed() < Duration::from_secs(8), "{:?}", ending.elapsed());
+    drop(halves);
+}
+
+#[test]
+fn a_hundred_pages_leave_a_stop_its_time() {
+    let bench = Bench::start("planar4.toml");
+    bench.phase("idle");
+    let (address, until) = (bench.address(), Instant::now() + Duration::from_secs(2));
+    let page = move || {
+        while Instant::now() < until {
+            assert_eq!(request(address, "GET", "/api/live?after=18446744073709551615", &[], b"").status, 200);
+        }
+    };
+    let pages: Vec<_> = (0..100).map(|_| thread::spawn(page)).collect();
+    thread::sleep(Duration::from_millis(500));
+    let began = Instant::now();
+    assert_eq!(bench.stop().status, 200);
+    assert!(began.elapsed() < STOP, "{:?}", began.elapsed());
+    pages.into_iter().for_each(|page| page.join().unwrap());
+}
+
+#[test]
+fn hostile_files_are_refused_and_the_server_lives() {
+    let bench = Bench::start("planar4.toml");
+    let nested = |open: &str, close: &str| open.repeat(DEPTH) + &close.repeat(DEPTH);
+    let toml = format!("format = 2\nx = {}\n", nested("[", "]"));
+    let urdf = format!("<robot name=\"r\">{}</robot>", nested("<link name=\"a\">", "</link>"));
+    let mjcf = format!("<mujoco><worldbody>{}</worldbody></mujoco>", nested("<body>", "</body>"));
+    let wide = (0..DEPTH).map(|k| format!("c{k},")).collect::<String>() + "\n";
+    let numbers = "t_s,word,x_mm,y_mm,angle_deg\n0,000000000000,NaN,inf,1e999\n";
+    let cell = format!("t_s,word,x_mm,y_mm,angle_deg\n0,000000000000,{},1,1\n", "9".repeat(10 << 20));
+    let arm = std::fs::read_to_string(super::board::example("planar4.toml")).unwrap();
+    let bodies = [
+        nested("[", "]").into_bytes(),
+        br#"{"data":{"name":"a","bytes":18446744073709551615}}"#.to_vec(),
+        br#"{"data":{"name":"a","bytes":NaN}}"#.to_vec(),
+        upload(["a.toml", &toml], ["b.csv", numbers]),
+        upload(["a.urdf", &urdf], ["b.csv", numbers]),
+        upload(["a.xml", &mjcf], ["b.csv", numbers]),
+        upload(["a.toml", &arm], ["b.csv", &wide]),
+        upload(["a.toml", &arm], ["b.csv", numbers]),
+        upload(["a.toml", &arm], ["b.csv", &cell]),
+        upload(["a.toml", &arm], ["b.mcap", "\u{89}MCAP"]),
+        upload(["a.toml", &arm], ["b.csv.gz", "\u{1f}\u{8b}"]),
+    ];
+    for (index, body) in bodies.iter().enumerate() {
+        for path in ["/api/diagnosis/log", "/api/diagnosis/run"] {
+            let began = Instant::now();
+            let answer = request(bench.address(), "POST", path, &["Content-Type: text/plain"], body);
+            let may_be_read = path.ends_with("log") && index >= 3;
+            assert!(answer.status == 422 || (may_be_read && answer.status == 200), "{index}: {}", answer.head);
+            assert!(began.elapsed() < Duration::from_secs(20), "{index}: {:?}", began.elapsed());
+        }
+    }
+    assert_eq!(bench.stop().status, 200);
+}
