@@ -199,6 +199,8 @@ pub struct Control<'t> {
     next_event: u32,
     /// An order may wait since the last tick.
     waited: bool,
+    /// An order was obeyed in the last tick.
+    has_obeyed: bool,
 }
 
 impl<'t> Control<'t> {
@@ -213,6 +215,7 @@ impl<'t> Control<'t> {
             worst_lateness: Micros(0),
             next_event: 0,
             waited: false,
+            has_obeyed: false,
         };
         control.report(now, Event::Booted, shared);
         control
@@ -246,17 +249,21 @@ impl<'t> Control<'t> {
         shared.stops_done.store(stops, Ordering::Release);
         // A tick that switched coils has done enough; the order waits for the next one, and never longer.
         self.waited = self.next_event != events_before && !self.waited;
-        if !self.waited && self.sequencer.is_ready() {
-            self.poll_request(shared);
-        }
+        self.has_obeyed = !self.waited && self.sequencer.is_ready() && self.poll_request(shared);
         outputs
     }
 
-    fn poll_request(&mut self, shared: &Shared<'t>) {
-        if let Some(order) = shared.orders.take() {
-            // The dispatcher has fetched the last outcome before it asked again, so there is room.
-            let _ = shared.outcomes.put(self.execute(order, shared.stops()));
-        }
+    /// Whether the last tick obeyed an order.
+    pub fn has_obeyed(&self) -> bool {
+        self.has_obeyed
+    }
+
+    /// Obeys the order that waits, if there is one; whether there was.
+    fn poll_request(&mut self, shared: &Shared<'t>) -> bool {
+        let Some(order) = shared.orders.take() else { return false };
+        // The dispatcher has fetched the last outcome before it asked again, so there is room.
+        let _ = shared.outcomes.put(self.execute(order, shared.stops()));
+        true
     }
 
     fn execute(&mut self, order: Order<'t>, stops_now: u32) -> Outcome<'t> {

@@ -101,6 +101,8 @@ pub struct Solenoids<C> {
     enabled: bool,
     /// Ticks without a change since the last refresh.
     age_ticks: u8,
+    /// The tick has obeyed an order.
+    busy: bool,
     /// Refreshes at which something else came back, in all and in a row.
     errors: u32,
     errors_in_a_row: u8,
@@ -109,7 +111,8 @@ pub struct Solenoids<C> {
 impl<C: Chain> Solenoids<C> {
     /// Takes the chain and switches all outputs off.
     pub fn new(chain: C) -> Self {
-        let mut solenoids = Self { chain, latched: None, enabled: true, age_ticks: 0, errors: 0, errors_in_a_row: 0 };
+        let mut solenoids =
+            Self { chain, latched: None, enabled: true, age_ticks: 0, busy: false, errors: 0, errors_in_a_row: 0 };
         solenoids.safe();
         solenoids
     }
@@ -138,6 +141,12 @@ impl<C: Chain> Solenoids<C> {
         }
     }
 
+    /// Whether the tick has obeyed an order: a refresh that becomes due in it waits for the next one, and never longer.
+    #[inline(always)]
+    pub fn set_busy(&mut self, busy: bool) {
+        self.busy = busy;
+    }
+
     /// The chain does not return what is shifted into it.
     #[inline(always)]
     pub fn is_broken(&self) -> bool {
@@ -153,7 +162,7 @@ impl<C: Chain> Solenoids<C> {
     /// Shifts unchanged lines again when they are due. After an error they are due in the next tick.
     fn refresh(&mut self, lines: u64) {
         self.age_ticks = self.age_ticks.saturating_add(1);
-        if self.age_ticks < REFRESH_TICKS {
+        if self.age_ticks < REFRESH_TICKS || self.busy && self.age_ticks == REFRESH_TICKS {
             return;
         }
         if self.chain.verify(lines) == Some(false) {

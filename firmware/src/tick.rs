@@ -41,6 +41,7 @@ impl<H: Hardware> Ticker<H> {
         let mut inputs = self.solenoids.chain().inputs();
         inputs.chain_broken = self.solenoids.is_broken();
         let outputs = self.control.tick(now, due, inputs, shared);
+        self.solenoids.set_busy(self.control.has_obeyed());
         self.solenoids.apply(outputs.lines, outputs.enabled);
         shared.set_chain_errors(self.solenoids.errors());
         self.look_after(now, pulses);

@@ -154,7 +154,7 @@ impl<'t> Sequencer<'t> {
     /// Why the command is refused: see [`CommandError`]. A stop is never refused.
     pub fn command(&mut self, command: Command) -> Result<(), CommandError> {
         if !matches!(command, Command::Stop | Command::Clear) {
-            while !self.is_ready() {
+            while !self.has_taken_over() {
                 self.take_over(TAKEN_A_TICK);
             }
         }
@@ -243,8 +243,7 @@ impl<'t> Sequencer<'t> {
         for (answered, servo) in self.answered.iter_mut().zip(&seen.servos) {
             *answered = (*answered).max(servo.answered);
         }
-        let is_row_due = self.is_row_due();
-        self.coils.pass(self.now, is_row_due)?;
+        self.coils.pass(self.now)?;
         if self.emergency_stop {
             return Err(FaultKind::EmergencyStop);
         }
@@ -272,12 +271,6 @@ impl<'t> Sequencer<'t> {
         Ok(())
     }
 
-    /// Whether the next row goes out in this tick.
-    fn is_row_due(&self) -> bool {
-        let (Phase::Playing { started, next }, Some(table)) = (self.phase, self.table.as_deref()) else { return false };
-        table.rows().get(usize::from(next)).is_some_and(|row| row.at <= self.now - started)
-    }
-
     fn advance(&mut self, seen: &Seen) -> Result<(), FaultKind> {
         match self.phase {
             Phase::Idle | Phase::Safe(_) => Ok(()),
@@ -298,16 +291,16 @@ impl<'t> Sequencer<'t> {
         let Some(table) = self.table.as_deref() else {
             return Ok(());
         };
-        let Some(first) = table.rows().first().cloned() else {
+        let Some(first) = table.rows().first() else {
             return self.begin();
         };
-        let latched = self.coils.set_latches(self.now, first.word)?;
-        self.aim(&first.servos, APPROACH_SPEED);
+        let can_begin = self.coils.set_latches(self.now, first.word)?;
         let away = first.servos.iter().zip(&seen.servos).zip(&self.offsets_rad).position(|((angle, servo), offset)| {
             servo.answered.is_none() || (servo.angle_rad - offset - angle).abs() > APPROACH_TOLERANCE_RAD
         });
+        self.aim(0, APPROACH_SPEED);
         match away {
-            None if latched => self.begin(),
+            None if can_begin => self.begin(),
             None => Ok(()),
             Some(servo) if self.now - since > APPROACH_TIMEOUT => Err(FaultKind::ServoStalled { servo: servo as u8 }),
             Some(_) => Ok(()),
@@ -329,11 +322,11 @@ impl<'t> Sequencer<'t> {
         let elapsed = self.now - started;
         if let Some(row) = table.rows().get(usize::from(next)) {
             if row.at <= elapsed {
-                let Row { at, word, servos } = row.clone();
+                let Row { at, word, .. } = *row;
                 let before = self.coils.word();
                 self.coils.switch(self.now, started + at, word)?;
                 self.switches.travel(self.now, word.differing(&before));
-                self.aim(&servos, 1.0);
+                self.aim(next, 1.0);
                 self.note(Event::Row { row: next, word });
                 self.phase = Phase::Playing { started, next: next.saturating_add(1) };
             }

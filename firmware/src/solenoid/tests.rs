@@ -162,3 +162,16 @@ fn no_line_beyond_the_table_ever_goes_high() {
     });
     assert_eq!(chain.outputs(24), 0xff, "a chain of three chips, a table of one");
 }
+
+#[test]
+fn a_refresh_waits_for_the_tick_after_an_order_and_no_longer() {
+    let chain = Chain::default();
+    let mut solenoids = solenoids(&chain);
+    solenoids.apply(1, true);
+    let before = chain.edges.get();
+    solenoids.set_busy(true);
+    (0..REFRESH_TICKS).for_each(|_| solenoids.apply(1, true));
+    assert_eq!(chain.edges.get(), before, "due, but the tick has obeyed an order");
+    solenoids.apply(1, true);
+    assert!(chain.edges.get() > before, "orders in every tick postpone it by one");
+}

@@ -1,8 +1,8 @@
 //! Coils of one board: which carry current, since when, and which lines that makes high.
 //!
 //! Coils are numbered by the output that feeds them. A tick touches what changes: coils that switch, peaks and pulses
-//! that end, and [`METERS_A_TICK`] meters in turn, also those of outputs that no table uses. A row that switches many coils
-//! counts their meters as well: the turn then waits for the next tick, at most once in [`TICKS_A_TURN`].
+//! that end, and [`METERS_A_TICK`] meters in turn, also those of outputs that no table uses. When a coil switched is only
+//! noted: its meter counts in its turn what flowed before and after, so that no row makes a tick long.
 
 mod manual;
 mod output;
@@ -16,10 +16,7 @@ use crate::units::{Micros, Word};
 use output::{NO_OUTPUT, Output, Wires, bit_of, limit_of};
 
 /// Meters that count in turn in one tick.
-const METERS_A_TICK: usize = 7;
-/// Every meter counts once in this many ticks, one of which may leave the turn to the next.
-const TICKS_A_TURN: u8 = 8;
-const _: () = assert!(METERS_A_TICK * (TICKS_A_TURN as usize - 1) >= MAX_COILS);
+const METERS_A_TICK: usize = 6;
 
 /// State of all coils. Sets of coils are masks: bit `o` is the coil of output `o`.
 #[derive(Debug)]
@@ -53,6 +50,8 @@ pub(super) struct Coils<'t> {
     peaks_from: Micros,
     /// Coils whose current ends with the outputs of the next tick: until then it is counted.
     ending: u64,
+    /// Coils whose current has begun or ended once since their meter counted.
+    uncounted: u64,
     /// Levels of the output lines.
     lines: u64,
     outputs: [Output; MAX_COILS],
@@ -62,8 +61,6 @@ pub(super) struct Coils<'t> {
     n_taken: usize,
     /// The output whose meter counts next.
     next: usize,
-    /// Ticks since the turn of the meters waited last.
-    ticks_in_turn: u8,
     /// The meter of each output, which outlives table, stop and reset.
     used: &'t mut DutyMeters,
     supply: SwitchLimit,
@@ -90,12 +87,12 @@ impl<'t> Coils<'t> {
             peaking: 0,
             peaks_from: Micros(0),
             ending: 0,
+            uncounted: 0,
             lines: 0,
             outputs: [NO_OUTPUT; MAX_COILS],
             n_outputs: 0,
             n_taken: MAX_COILS,
             next: 0,
-            ticks_in_turn: 0,
             used,
             supply: SwitchLimit::default(),
             switched: SwitchClock::default(),
@@ -120,7 +117,7 @@ impl<'t> Coils<'t> {
     /// Makes ready for the outputs of a profile after a start. The supply counts as exhausted: it is unknown what
     /// flowed just before.
     pub(super) fn configure(&mut self, now: Micros, profile: &Profile) {
-        (self.n_taken, self.n_outputs) = (0, 0);
+        (self.n_taken, self.n_outputs, self.uncounted) = (0, 0, 0);
         self.supply = profile.supply;
         let room = self.switched.room(now, &self.supply);
         self.switched.note(now, room);
@@ -218,36 +215,30 @@ impl<'t> Coils<'t> {
         Ok(ready && now >= self.peaks_from && self.unknown | self.pulsing == 0)
     }
 
-    /// Lets time pass: ends peaks and pulses, and finds the coil that carries current for too long. A row that is due
-    /// counts the meters of the coils that it switches.
-    pub(super) fn pass(&mut self, now: Micros, is_row_due: bool) -> Result<(), FaultKind> {
-        for (index, _) in Bits::of(core::mem::take(&mut self.ending)) {
-            // That the coil was on for too long no longer matters: it goes off.
-            let _ = self.count(now, index, true);
-        }
-        self.count_in_turn(now, is_row_due)?;
+    /// Lets time pass: ends peaks and pulses, and finds the coil that carries current for too long.
+    pub(super) fn pass(&mut self, now: Micros) -> Result<(), FaultKind> {
+        let ending = core::mem::take(&mut self.ending);
+        // That a coil was on for too long no longer matters: it goes off.
+        let _ = self.note_switched(now, ending, true);
+        self.count_in_turn(now)?;
         let mut ended = 0;
         for (index, bit) in Bits::of(self.pulsing | self.peaking) {
             let Some(output) = self.outputs.get(index) else { continue };
             if now - output.changed >= output.burst {
-                self.count(now, index, true)?;
                 ended |= bit;
             }
         }
+        // After its peak a coil holds: current flows on. That of a latch ends.
+        let counted = self.note_switched(now, ended & self.pulsing, true);
         self.pulsing &= !ended;
         self.peaking &= !ended;
         self.show(ended);
-        Ok(())
+        counted
     }
 
-    /// Lets the next meters count. Where there are more than count in one tick, a due row may have the tick to itself.
+    /// Lets the next meters count.
     #[inline(always)]
-    fn count_in_turn(&mut self, now: Micros, is_row_due: bool) -> Result<(), FaultKind> {
-        if is_row_due && self.n_outputs > METERS_A_TICK && self.ticks_in_turn >= TICKS_A_TURN - 1 {
-            self.ticks_in_turn = 0;
-            return Ok(());
-        }
-        self.ticks_in_turn = self.ticks_in_turn.saturating_add(1);
+    fn count_in_turn(&mut self, now: Micros) -> Result<(), FaultKind> {
         let fed = self.fed();
         for _ in 0..METERS_A_TICK.min(self.n_outputs) {
             self.count(now, self.next, fed >> self.next & 1 == 1)?;
@@ -262,16 +253,42 @@ impl<'t> Coils<'t> {
         self.on & !self.latches | self.pulsing
     }
 
-    /// Lets the meter of one output, which was `fed` or not, count up to now.
+    /// Whether every meter has counted all that has flowed, as is so a few ticks after coils have switched.
+    pub(super) fn is_counted(&self) -> bool {
+        self.uncounted | self.ending == 0
+    }
+
+    /// Current begins or ends now in these coils, all of which were `fed` before, or none. Where it has begun or ended
+    /// before since the meter counted, the meter counts.
+    fn note_switched(&mut self, now: Micros, coils: u64, fed: bool) -> Result<(), FaultKind> {
+        let mut counted = Ok(());
+        for (index, bit) in Bits::of(coils) {
+            if self.uncounted & bit != 0 {
+                counted = counted.and(self.count(now, index, fed));
+            } else if let Some(output) = self.outputs.get_mut(index) {
+                output.switched = now;
+                self.uncounted |= bit;
+            }
+        }
+        counted
+    }
+
+    /// Lets the meter of one output, which is `fed` or not, count up to now.
     // One copy, with the meter's code in it: 3 % less in the longest tick of 12 coils.
     #[inline(never)]
     fn count(&mut self, now: Micros, index: usize, fed: bool) -> Result<(), FaultKind> {
         let Some((output, meter)) = self.outputs.get_mut(index).zip(self.used.meters.get_mut(index)) else {
             return Ok(());
         };
+        let (bit, mut before) = (bit_of(index as u8), Ok(()));
+        if self.uncounted & bit != 0 {
+            self.uncounted &= !bit;
+            before = meter.pass(output.switched - output.counted, !fed, &output.limit);
+            output.counted = output.switched;
+        }
         let span = now - output.counted;
         output.counted = now;
-        meter.pass(span, fed, &output.limit).map_err(|breach| match breach {
+        before.and(meter.pass(span, fed, &output.limit)).map_err(|breach| match breach {
             Breach::OnTooLong => FaultKind::OnTooLong { output: index as u8 },
             Breach::Duty => FaultKind::Duty { output: index as u8 },
         })
@@ -312,25 +329,18 @@ impl<'t> Coils<'t> {
         }
         let feeding = coils & (self.target | self.latches);
         let room = self.switched.room(due, &self.supply);
-        let fed_now = first_of(feeding, room);
-        self.switched.note(due, fed_now.count_ones() as u8);
-        let complete = fed_now == feeding;
-        let coils = coils & !feeding | fed_now;
+        let new = first_of(feeding, room);
+        self.switched.note(due, new.count_ones() as u8);
+        let complete = new == feeding;
+        let coils = coils & !feeding | new;
         let (fed, on) = (self.fed(), self.target & coils);
         self.on = self.on & !coils | on;
         self.unknown &= !coils;
         self.pulsing |= self.latches & coils;
         self.peaking = self.peaking & !coils | self.peaks & on;
-        for (index, _) in Bits::of(coils & fed) {
-            if let Err(breach) = self.count(now, index, true) {
-                // The others count with the next tick.
-                self.ending |= coils & fed;
-                return Err(breach);
-            }
-        }
-        for (index, _) in Bits::of(coils & !fed) {
-            self.count(now, index, false)?;
-        }
+        let fed_now = self.fed();
+        let ended = self.note_switched(now, fed & !fed_now, true);
+        ended.and(self.note_switched(now, fed_now & !fed, false))?;
         for (index, _) in Bits::of(coils & (self.pulsing | self.peaking)) {
             if let Some(output) = self.outputs.get_mut(index) {
                 if now < output.peak_from {
@@ -358,7 +368,9 @@ impl<'t> Coils<'t> {
         let (off, hold) = (self.wires(coils & !holding), self.wires(holding));
         let low = self.lines & !(off.first | off.second | hold.first);
         let second = hold.second | self.wires(pulsing & !self.on).second;
-        let first = self.wires(holding & self.peaking | pulsing & self.on).first;
+        let full = holding & self.peaking | pulsing & self.on;
+        // As a rule all that are switched on have a peak, or none.
+        let first = if full == holding { hold.first } else { self.wires(full).first };
         self.lines = low | second | first;
     }
 

@@ -23,9 +23,15 @@ impl<'t> Sequencer<'t> {
         Ok(())
     }
 
-    /// Whether the outputs of the profile and the actuators of the table are taken over, some in each tick. A command that
-    /// comes earlier takes over the rest at once, which makes its tick longer.
+    /// Whether a command is best given now: the outputs of the profile and the actuators of the table are taken over, some in each
+    /// tick, and when nothing runs the meters have counted all that has flowed, as is so after a few ticks. A command that comes
+    /// earlier takes over the rest at once, which makes its tick longer.
     pub fn is_ready(&self) -> bool {
+        self.has_taken_over() && (!self.is_idle() || self.coils.is_counted())
+    }
+
+    /// Whether the outputs of the profile and the actuators of the table are taken over.
+    pub(super) fn has_taken_over(&self) -> bool {
         let is_wired = |table: &Table| self.n_wired >= table.wiring().actuators.len();
         self.coils.has_outputs() && self.table.as_deref().is_none_or(is_wired)
     }
@@ -35,7 +41,7 @@ impl<'t> Sequencer<'t> {
         if !self.coils.has_outputs() {
             return self.coils.take_outputs(self.now, self.profile, max);
         }
-        let Some(table) = self.table.as_deref().filter(|_| !self.is_ready()) else { return };
+        let Some(table) = self.table.as_deref().filter(|_| !self.has_taken_over()) else { return };
         let actuators = table.wiring().actuators_with_coils().enumerate();
         for (index, (actuator, coils)) in actuators.skip(self.n_wired).take(max) {
             self.coils.wire(index, coils);

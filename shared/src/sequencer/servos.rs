@@ -3,7 +3,6 @@
 use super::{CommandError, FaultKind, LATE, Phase, Seen, Sequencer, ServoAction, ServoSeen, ServoTarget};
 use crate::output::{MAX_SERVOS, ServoWiring};
 use crate::profile::Fallback;
-use crate::table::ServoAngles;
 use crate::units::Micros;
 
 /// The servos get this share of their speed on the way to the first row.
@@ -88,7 +87,7 @@ impl Sequencer<'_> {
         if !(min_rad..=max_rad).contains(&angle_rad) {
             return Err(CommandError::ServoRange { min_rad, max_rad });
         }
-        let target = self.target(index, joint, angle_rad, APPROACH_SPEED);
+        let target = target(joint, angle_rad + self.offset_rad(index), APPROACH_SPEED);
         if let Some(action) = self.servos.get_mut(index) {
             *action = ServoAction::Go(target);
         }
@@ -119,24 +118,23 @@ impl Sequencer<'_> {
         Ok(())
     }
 
-    fn target(&self, index: usize, joint: &ServoWiring, angle_rad: f32, speed: f32) -> ServoTarget {
-        let (speed_rad_s, torque) = (joint.max_speed_rad_s * speed, joint.max_torque);
-        ServoTarget { angle_rad: angle_rad + self.offset_rad(index), speed_rad_s, torque }
-    }
-
-    /// Sends the servos that have answered to these joint angles.
-    pub(super) fn aim(&mut self, angles: &ServoAngles, speed: f32) {
-        let Some(table) = self.table.as_deref() else {
-            return;
-        };
-        for (index, (joint, &angle_rad)) in table.wiring().servos.iter().zip(angles).enumerate() {
-            let target = self.target(index, joint, angle_rad, speed);
-            let has_answered = self.answered.get(index).is_some_and(Option::is_some);
-            if let Some(action) = self.servos.get_mut(index).filter(|_| has_answered) {
-                *action = ServoAction::Go(target);
+    /// Sends the servos that have answered to the joint angles of a row.
+    pub(super) fn aim(&mut self, row: u16, speed: f32) {
+        let Some(table) = self.table.as_deref() else { return };
+        let Some(row) = table.rows().get(usize::from(row)) else { return };
+        let joints = table.wiring().servos.iter().zip(&row.servos);
+        let servos = self.servos.iter_mut().zip(&self.answered).zip(&self.offsets_rad);
+        for ((joint, angle_rad), ((action, answered), offset_rad)) in joints.zip(servos) {
+            if answered.is_some() {
+                *action = ServoAction::Go(target(joint, angle_rad + offset_rad, speed));
             }
         }
     }
+}
+
+/// To this angle of the shaft, at this share of its speed.
+fn target(joint: &ServoWiring, angle_rad: f32, speed: f32) -> ServoTarget {
+    ServoTarget { angle_rad, speed_rad_s: joint.max_speed_rad_s * speed, torque: joint.max_torque }
 }
 
 /// A servo may be seen this far out of its range before that is a fault: overshoot and resolution.

@@ -21,6 +21,8 @@ pub(super) struct Output {
     /// How long it is on by hand, and when it goes off: counted from when the supply has let it be switched on.
     pub(super) on_for: Micros,
     pub(super) off_at: Micros,
+    /// When its current began or ended last.
+    pub(super) switched: Micros,
     /// Until when its meter has counted.
     pub(super) counted: Micros,
 }
@@ -43,6 +45,7 @@ pub(super) const NO_OUTPUT: Output = Output {
     changed: Micros(0),
     on_for: Micros(0),
     off_at: Micros(0),
+    switched: Micros(0),
     counted: Micros(0),
 };
 

@@ -50,6 +50,10 @@ const ROWS: u32 = 40;
 const ROW_MS: u32 = 30;
 /// Uploads that only fill the flash.
 const STORES: u32 = 10;
+/// Plays of an arm, and by how many wake-ups of 500 µs each is shifted more than the one before: where windows of the meters,
+/// turns of the meters, refreshes of the chain and requests fall into a row is different in each.
+const PLAYS: u32 = 24;
+const SHIFT_WAKES: u32 = 7;
 /// Actuators that change in one row.
 const CHANGING: usize = 16;
 /// Most actuators of an arm whose modules the recorded upload has room for: it asks for the nearest word, too.
@@ -229,8 +233,11 @@ impl Host {
     }
 
     fn play(&mut self) {
-        self.send(Request::Command(Command::Play));
-        self.watch(ROWS * ROW_MS + 200);
+        for shift in 0..PLAYS {
+            (0..SHIFT_WAKES * shift).for_each(|_| wait_a_wake());
+            self.send(Request::Command(Command::Play));
+            self.watch(ROWS * ROW_MS + 200);
+        }
     }
 }
 
