@@ -61,8 +61,8 @@ pub(crate) enum NoImage {
     #[error("no firmware image at {0}; build it with `cargo xtask image`")]
     Named(PathBuf),
     /// No image has been built.
-    #[error("no firmware image found; build one with `cargo xtask image`, name an ELF file, or use --in-process")]
-    NotBuilt,
+    #[error("no firmware image of {0} found; build it with `cargo xtask image --board {0}`, or name an ELF file")]
+    NotBuilt(&'static str),
     /// There is no folder to write an embedded image to.
     #[error(transparent)]
     NoHomeDir(#[from] NoHomeDir),
@@ -90,7 +90,7 @@ pub(crate) fn find_for(board: Board, named: Option<&Path>) -> Result<PathBuf, No
     let folders = starts.iter().flatten().flat_map(|start| start.ancestors());
     let images = folders.map(|folder| folder.join("target").join(board.built()));
     let built = std::env::var_os("CARGO_TARGET_DIR").map(|folder| Path::new(&folder).join(board.built()));
-    built.into_iter().chain(images).find(|path| path.is_file()).ok_or(NoImage::NotBuilt)
+    built.into_iter().chain(images).find(|path| path.is_file()).ok_or(NoImage::NotBuilt(board.name()))
 }
 
 /// Names of the boards whose images are in this program.

@@ -280,7 +280,7 @@ fn image() -> Check {
     }
     match firmware_image::find(named.as_deref()) {
         Ok(path) => Check::good("firmware", path.display().to_string()),
-        Err(NoImage::NotBuilt) => Check::missing("firmware", "no image has been built", "`cargo xtask image`"),
+        Err(NoImage::NotBuilt(_)) => Check::missing("firmware", "no image has been built", "`cargo xtask image`"),
         Err(error) => Check::wrong("firmware", error.to_string(), format!("correct {}", firmware_image::VARIABLE)),
     }
 }

@@ -1,4 +1,4 @@
-//! `darm sim`: simulates board, arm and camera. The firmware runs in the emulator or in this process, with an arm on its pins.
+//! `darm sim`: simulates board, arm and camera. The firmware runs in an emulator or in this process, with an arm on its pins.
 
 mod board;
 mod bridge;
@@ -25,7 +25,7 @@ use crate::failure::Usage;
 use crate::firmware_image::NoImage;
 use crate::ui::{Answer, Ui};
 use crate::{firmware_image, state_folder};
-use board::{Board, Emulator};
+use board::{Board, Emulator, Frames, Setup};
 use camera_server::CameraServer;
 use hidden::Effect;
 
@@ -34,6 +34,7 @@ Examples:
   darm sim arm.toml                       # board, arm and camera; in another terminal: darm console
   darm sim arm.toml --pty                 # its port is a pseudo terminal, for any terminal program
   darm sim arm.toml --in-process          # the firmware's library in this process
+  darm sim arm.toml --board pico          # the image of the Raspberry Pi Pico, in its emulator
   darm sim arm.toml --effect any --seed 7 # an undeclared effect in the arm: measure and diagnose it
   darm sim arm3.toml --before arm.toml --effect any --seed 7   # the same arm after its adjustment
   darm sim arm.toml --line-low 4          # output line 4 is stuck low: its limit switch reveals it
@@ -55,6 +56,9 @@ pub(crate) struct Sim {
     /// The arm on the board's pins
     #[arg(value_name = "ARM.toml")]
     arm: PathBuf,
+    /// The board whose image runs in its emulator: QEMU, or rp2040js for the Pico
+    #[arg(long, value_enum, value_name = "BOARD", default_value_t = Emulated::BL475eIot01a)]
+    board: Emulated,
     /// ELF file of the firmware; default: the one in this program, else the one built in this workspace
     #[arg(long, value_name = "ELF", env = firmware_image::VARIABLE)]
     firmware: Option<PathBuf>,
@@ -99,6 +103,16 @@ pub(crate) struct Sim {
     /// Input that stays closed: a limit switch that never opens, or a pressed emergency stop with `opens = false`
     #[arg(long, value_name = "INPUT")]
     switch_closed: Vec<u8>,
+}
+
+/// A board whose emulator can have an arm on its pins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Emulated {
+    /// B-L475E-IOT01A
+    #[value(name = "b-l475e-iot01a")]
+    BL475eIot01a,
+    /// Raspberry Pi Pico
+    Pico,
 }
 
 /// Board, arm and addresses of the running simulator.
@@ -170,10 +184,8 @@ impl Sim {
         let profile = self.profile_to_write(&wired);
         let folder = self.folder.clone().map_or_else(state_folder::board, Ok)?;
         let listener = claim(&folder)?;
-        let (mut board, frames) = match self.emulator(ui)? {
-            Some(emulator) => Board::emulated(emulator, &folder, &really.wiring, broken, profile)?,
-            None => Board::in_process(&folder, &really.wiring, broken, profile)?,
-        };
+        let (mut board, frames) =
+            self.start(ui, &Setup { folder: &folder, wiring: &really.wiring, broken, profile })?;
         let planar = arm.model.chain.is_planar();
         let camera_server = CameraServer::start(listener, truth.clone(), planar, frames)?;
         let interrupt = interrupts()?;
@@ -194,6 +206,23 @@ impl Sim {
         end
     }
 
+    fn start(&self, ui: Ui, setup: &Setup<'_>) -> anyhow::Result<(Board, Frames)> {
+        if self.board == Emulated::Pico {
+            if self.pty || self.in_process {
+                return Err(Usage(
+                    "the Pico runs in its emulator, at a socket; leave out --pty and --in-process".into(),
+                )
+                .into());
+            }
+            let elf = firmware_image::find_for(firmware_image::Board::Pico, self.firmware.as_deref())?;
+            return Board::pico(&elf, setup);
+        }
+        match self.emulator(ui)? {
+            Some(emulator) => Board::emulated(emulator, setup),
+            None => Board::in_process(setup),
+        }
+    }
+
     /// How to start the emulator; `None` to run the library in this process.
     fn emulator(&self, ui: Ui) -> anyhow::Result<Option<Emulator>> {
         if self.in_process {
@@ -204,7 +233,7 @@ impl Sim {
             return Ok(None);
         }
         match firmware_image::find(self.firmware.as_deref()) {
-            Err(NoImage::NotBuilt) if !self.pty => {
+            Err(NoImage::NotBuilt(_)) if !self.pty => {
                 let cure = "`cargo xtask image` builds one for the emulator";
                 ui.note(&format!(
                     "no firmware image found, running the firmware's library in this process instead; {cure}"

@@ -1,4 +1,4 @@
-//! The board that runs: the firmware's image in the emulator, or its library in this process.
+//! The board that runs: the firmware's image in an emulator, or its library in this process.
 
 use std::os::unix::fs::symlink;
 use std::os::unix::net::UnixListener;
@@ -11,8 +11,9 @@ use darm_core::output::Wiring;
 use darm_core::sequencer::{Command, Phase};
 use darm_device::client::Client;
 use darm_device::follow::Follower;
-use darm_device::in_process::MemoryFlash;
+use darm_device::in_process::{InProcess, MemoryFlash, Stepped};
 use darm_device::link;
+use darm_device::pico;
 use darm_device::plant::camera::Frame;
 use darm_device::plant::{Broken, Plant};
 use darm_device::qemu::{self, Console, Machine, Qemu};
@@ -39,7 +40,28 @@ pub(crate) type Frames = Box<dyn FnMut() -> Vec<Frame> + Send>;
 
 enum Kind {
     Emulated { qemu: Qemu, follower: Follower },
-    InProcess(Bridge),
+    Bridged { bridge: Bridge, ended: &'static str },
+}
+
+/// What a board starts with.
+pub(crate) struct Setup<'a> {
+    /// Folder of its flash and its port.
+    pub(crate) folder: &'a Path,
+    /// How the arm is wired to it.
+    pub(crate) wiring: &'a Wiring,
+    /// What is broken in the arm.
+    pub(crate) broken: Broken,
+    /// Profile to write, unless the board has it.
+    pub(crate) profile: Option<&'a BoardProfile>,
+}
+
+impl Setup<'_> {
+    fn plant(&self) -> Plant {
+        let mut plant = Plant::new(self.wiring, &[]);
+        // Before the board runs: an emergency stop that opens when pressed is seen released from the first tick.
+        plant.set_broken(0.0, self.broken);
+        plant
+    }
 }
 
 /// How to start the emulator.
@@ -52,55 +74,65 @@ pub(crate) struct Emulator {
 
 impl Board {
     /// Starts the image in the emulator.
-    pub(crate) fn emulated(
-        emulator: Emulator,
-        folder: &Path,
-        wiring: &Wiring,
-        broken: Broken,
-        profile: Option<&BoardProfile>,
-    ) -> anyhow::Result<(Self, Frames)> {
+    pub(crate) fn emulated(emulator: Emulator, setup: &Setup<'_>) -> anyhow::Result<(Self, Frames)> {
         let Emulator { elf, console } = emulator;
         let what = format!("{} in {} {}", elf.display(), qemu::PROGRAM, qemu::find()?);
-        let mut qemu = Qemu::start(&Machine::new(elf, folder.into(), console))?;
-        let mut plant = Plant::new(wiring, &[]);
-        // Before the machine runs: an emergency stop that opens when pressed is seen released from the first tick.
-        plant.set_broken(0.0, broken);
-        let follower = Follower::start(&qemu, wiring, plant)?;
+        let mut qemu = Qemu::start(&Machine::new(elf, setup.folder.into(), console))?;
+        let follower = Follower::start(&qemu, setup.wiring, setup.plant())?;
         qemu.resume()?;
-        if let Some(profile) = profile {
+        if let Some(profile) = setup.profile {
             press_and_write(&follower, qemu.console_port(), profile)?;
         }
         let film = follower.film();
         let board = Self {
-            port: name_port(folder, qemu.console_port())?,
+            port: name_port(setup.folder, qemu.console_port())?,
             kind: Kind::Emulated { qemu, follower },
             what,
-            flash: folder.join(qemu::FLASH_FILE).display().to_string(),
+            flash: setup.folder.join(qemu::FLASH_FILE).display().to_string(),
         };
         Ok((board, Box::new(move || film.take())))
     }
 
     /// Starts the firmware's library in this process.
-    pub(crate) fn in_process(
+    pub(crate) fn in_process(setup: &Setup<'_>) -> anyhow::Result<(Self, Frames)> {
+        let with_profile = |profile: &BoardProfile| MemoryFlash::with_profile(&profile.image());
+        let flash = setup.profile.map_or_else(MemoryFlash::default, with_profile);
+        let board = InProcess::boot(setup.plant(), flash)?;
+        let (what, flash) = ("the firmware's library in this process".into(), "in memory, empty at every start".into());
+        Self::bridged(&board, setup.folder, what, flash, "the firmware's library panicked")
+    }
+
+    /// Starts the image of the Pico at `elf` in its emulator. Its time is as fast as the host's, or slower where the host
+    /// cannot emulate it as fast.
+    pub(crate) fn pico(elf: &Path, setup: &Setup<'_>) -> anyhow::Result<(Self, Frames)> {
+        let board = pico::boot(elf, setup.folder, setup.plant())?;
+        if let Some(profile) = setup.profile {
+            let has =
+                Client::connect(board.link())?.hello().is_some_and(|hello| hello.profile == profile.profile.digest);
+            if !has {
+                pico::write_profile(&board, &profile.image())?;
+            }
+        }
+        let what = format!("{} in rp2040js", elf.display());
+        let flash = setup.folder.join(pico::FLASH_FILE).display().to_string();
+        Self::bridged(&board, setup.folder, what, flash, "the emulator of the Pico has ended")
+    }
+
+    /// A board in virtual time behind a socket in the folder. `ended` is the reason when its thread has ended.
+    fn bridged<B: Stepped + 'static>(
+        board: &InProcess<B>,
         folder: &Path,
-        wiring: &Wiring,
-        broken: Broken,
-        profile: Option<&BoardProfile>,
+        what: String,
+        flash: String,
+        ended: &'static str,
     ) -> anyhow::Result<(Self, Frames)> {
-        let port = state_folder::port(folder);
+        let path = state_folder::port(folder);
         // There may be none.
-        let _ = std::fs::remove_file(&port);
-        let listener = UnixListener::bind(&port).with_context(|| format!("cannot open the port {}", port.display()))?;
-        let mut plant = Plant::new(wiring, &[]);
-        plant.set_broken(0.0, broken);
-        let flash = profile.map_or_else(MemoryFlash::default, |profile| MemoryFlash::with_profile(&profile.image()));
-        let (bridge, frames) = Bridge::start(listener, plant, flash)?;
-        let board = Self {
-            kind: Kind::InProcess(bridge),
-            what: "the firmware's library in this process".into(),
-            port: format!("unix:{}", port.display()),
-            flash: "in memory, empty at every start".into(),
-        };
+        let _ = std::fs::remove_file(&path);
+        let listener = UnixListener::bind(&path).with_context(|| format!("cannot open the port {}", path.display()))?;
+        let (bridge, frames) = Bridge::start(listener, board.link(), board.film())?;
+        let board =
+            Self { kind: Kind::Bridged { bridge, ended }, what, port: format!("unix:{}", path.display()), flash };
         Ok((board, Box::new(move || frames.try_iter().collect())))
     }
 
@@ -108,7 +140,7 @@ impl Board {
     pub(crate) fn ended(&mut self) -> Option<String> {
         match &mut self.kind {
             Kind::Emulated { qemu, .. } => (!qemu.is_running()).then(|| qemu.complaints()),
-            Kind::InProcess(bridge) => (!bridge.is_running()).then(|| "the firmware's library panicked".into()),
+            Kind::Bridged { bridge, ended } => (!bridge.is_running()).then(|| (*ended).into()),
         }
     }
 
@@ -119,7 +151,7 @@ impl Board {
                 drop(follower.stop());
                 drop(qemu);
             }
-            Kind::InProcess(bridge) => bridge.stop(),
+            Kind::Bridged { bridge, .. } => bridge.stop(),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The firmware's library as a board at a socket, in real time: for computers without the emulator.
+//! A board in virtual time as one at a socket, in real time: the firmware's library, or an image in an emulator that is stepped.
 
 use std::io::{ErrorKind, Read as _, Write as _};
 use std::os::unix::net::{UnixListener, UnixStream};
@@ -9,9 +9,7 @@ use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use darm_device::clock::host_now_s;
-use darm_device::in_process::{InProcess, MemoryFlash};
 use darm_device::link::Link;
-use darm_device::plant::Plant;
 use darm_device::plant::camera::{Film, Frame};
 
 /// Interval at which the board's time is advanced to the host's.
@@ -29,19 +27,19 @@ pub(crate) struct Bridge {
 }
 
 impl Bridge {
-    /// Starts a board with this flash behind `port`; frames of its camera carry the host's time.
+    /// Runs the board at `link` behind `port`; frames of its camera carry the host's time.
     pub(crate) fn start(
         port: UnixListener,
-        plant: Plant,
-        flash: MemoryFlash,
+        link: Box<dyn Link>,
+        film: Film,
     ) -> std::io::Result<(Self, Receiver<Frame>)> {
         port.set_nonblocking(true)?;
-        let board = InProcess::boot(plant, flash)?;
         let end = Arc::new(AtomicBool::new(false));
-        let (link, film, seen) = (board.link(), board.film(), Arc::clone(&end));
+        let seen = Arc::clone(&end);
         let (frames, taken) = channel();
         let thread = thread::Builder::new().name("bridge".into()).spawn(move || {
-            let mut cable = Cable { port, host: None, link, film, frames, started_s: host_now_s() };
+            let started_s = host_now_s() - link.now_s();
+            let mut cable = Cable { port, host: None, link, film, frames, started_s };
             while !seen.load(Ordering::Relaxed) && cable.step() {
                 thread::sleep(STEP);
             }
