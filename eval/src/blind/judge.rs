@@ -47,8 +47,8 @@ pub(super) type Named = (Law, Place);
 pub(super) enum Answer {
     /// The right names, or none of an arm without effects.
     Right,
-    /// No wrong name, and each right one that is missing stands in a set of effects that no row tells from it.
-    NotTold,
+    /// No wrong name, and each right one that is missing is in a set of effects that no row distinguishes from it.
+    Indistinct,
     /// No wrong name, and not all of the right ones: the verdict says that something is open.
     Refused,
     /// `no-effect` where there is one, or not all of them, and nothing else was said to be open.

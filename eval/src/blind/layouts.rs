@@ -142,7 +142,7 @@ fn count(outcomes: &[Outcome], layout: Option<Layout>, clean: bool, so: impl Fn(
 
 /// Prints hits and tries of each layout.
 fn by_layout(outcomes: &[Outcome], layouts: &[Layout]) {
-    let titles = ["false alarms", "right", "not told", "refused", "missed", "false names"];
+    let titles = ["false alarms", "right", "indistinct", "refused", "missed", "false names"];
     println!("{:22} {}", "layout", titles.map(|title| format!("{title:>13}")).join(" "));
     for layout in layouts {
         let cell = |clean: bool, answer: fn(&Answer) -> bool| {
@@ -152,7 +152,7 @@ fn by_layout(outcomes: &[Outcome], layouts: &[Layout]) {
         let cells = [
             cell(true, Answer::is_wrong),
             cell(false, |answer| *answer == Answer::Right),
-            cell(false, |answer| *answer == Answer::NotTold),
+            cell(false, |answer| *answer == Answer::Indistinct),
             cell(false, |answer| *answer == Answer::Refused),
             cell(false, |answer| *answer == Answer::Missed),
             cell(false, |answer| *answer == Answer::FalseName),
@@ -170,11 +170,11 @@ fn figures(outcomes: &[Outcome], layouts: &[Layout]) -> Result<Vec<Figure>> {
         figures.push(rate(format!("layout {name}: false alarms"), of(true, Answer::is_wrong))?);
         figures.push(rate(format!("layout {name}: false names"), of(false, |answer| *answer == Answer::FalseName))?);
         if layout.suffices() {
-            // Where rows cannot tell an effect from others they do not suffice for its name.
-            let [n_not_told, _] = of(false, |answer| *answer == Answer::NotTold);
+            // Rows that do not distinguish an effect from others do not suffice for its name.
+            let [n_indistinct, _] = of(false, |answer| *answer == Answer::Indistinct);
             let [right, n] = of(false, |answer| *answer == Answer::Right);
-            figures.push(rate(format!("layout {name}: named rightly"), [right, n - n_not_told])?);
-            figures.push(rate(format!("layout {name}: cannot be told from others"), [n_not_told, n])?);
+            figures.push(rate(format!("layout {name}: named rightly"), [right, n - n_indistinct])?);
+            figures.push(rate(format!("layout {name}: indistinct from others"), [n_indistinct, n])?);
         }
         figures.push(rate(format!("layout {name}: refused"), of(false, |answer| *answer == Answer::Refused))?);
     }

@@ -85,9 +85,9 @@ impl Robots {
         let answer = if mark.named && (mark.placed || is_clean) {
             Answer::Right
         } else if diagnosis.verdict == Verdict::NotIdentifiable
-            && sets::cannot_be_told(&bench, &named, &diagnosis, &kept)?
+            && sets::are_indistinct(&bench, &named, &diagnosis, &kept)?
         {
-            Answer::NotTold
+            Answer::Indistinct
         } else {
             Answer::of(is_clean, diagnosis.verdict, &truth(&bench), &named)
         };

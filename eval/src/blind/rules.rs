@@ -89,11 +89,11 @@
 //! - **False name**: an effect named on a changed arm whose law and place are not among the right ones.
 //! - **Refusal**: `not-identifiable` whose sets do not hold the right laws, `too-little-data`, or `partly-explained` and
 //!   `unexplained-structure` with nothing wrong named. It is counted beside the rates and is not right.
-//! - **Cannot be told**: `not-identifiable` of signals where the right laws stand in the sets, and the others there, fitted to
-//!   what was added without noise, are less than 3.29 noises from it over all rows: a test at 5 % finds so much in 19 of 20
+//! - **Indistinct**: `not-identifiable` of signals where the right laws are in the sets, and the others there, fitted to
+//!   what was added without noise, are less than 3.29 noises off it over all rows: a test at 5 % finds so much in 19 of 20
 //!   logs. Counts from 500000 on.
 //! - **Named rightly**: as above, where the data suffice: in all layouts but the one of 60 to 120 rows, and of arms whose
-//!   effects can be told.
+//!   effects are not indistinct.
 //! - A camera that drifts is `base-drift` at the base: an arm before it has one effect more than was drawn for it. The law
 //!   came after seeds from 1000 to 2047 had been marked, when its place was outside the list; it counts from 3000 on.
 //! - In the layout without supply and temperature no effect is drawn that follows them.

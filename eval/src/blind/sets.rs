@@ -1,4 +1,4 @@
-//! Sets of effects that rows do not distinguish: whether their members are alike anywhere, or rows really cannot tell.
+//! Sets of effects that rows do not distinguish: whether their members are alike anywhere, or in the rows.
 
 use anyhow::Result;
 use darm_diagnose::measurement::root_mean_square;
@@ -12,7 +12,7 @@ use super::signals::{Added, Bench, law_of};
 const SAME: f64 = 0.5;
 /// Noises that the effect and a member of its set must be apart, over all rows, so that a test at 5 % finds the difference
 /// in 19 of 20 logs: twice 1.645.
-const TOLD_APART: f64 = 3.29;
+const DISTINCT: f64 = 3.29;
 /// Directions of a law's values with less than this share of the largest are not reported.
 const MIN_SHARE: f64 = 1e-9;
 
@@ -21,8 +21,8 @@ pub(super) fn are_right(bench: &Bench, named: &[Named], diagnosis: &Diagnosis) -
     all_sets(bench, named, diagnosis, alike)
 }
 
-/// The same where no kept row tells a member from the effect, though they differ elsewhere.
-pub(super) fn cannot_be_told(bench: &Bench, named: &[Named], diagnosis: &Diagnosis, kept: &[bool]) -> Result<bool> {
+/// The same where the kept rows do not distinguish members from the effect, though they differ elsewhere.
+pub(super) fn are_indistinct(bench: &Bench, named: &[Named], diagnosis: &Diagnosis, kept: &[bool]) -> Result<bool> {
     all_sets(bench, named, diagnosis, |bench, added, members| are_near(bench, added, members, kept))
 }
 
@@ -60,7 +60,7 @@ fn is_of(other: &Alternative, added: &Added) -> bool {
 }
 
 /// Whether members of a set that are not the effect, each fitted to what it adds without noise, come nearer to that than
-/// rows tell.
+/// rows distinguish.
 fn are_near(bench: &Bench, added: &Added, members: &[&Alternative], kept: &[bool]) -> Result<bool> {
     let (rows, n_axes) = (kept.len(), bench.noise.len());
     let counts = |row: usize| kept[row] && !bench.spoiled.contains(&row);
@@ -78,7 +78,7 @@ fn are_near(bench: &Bench, added: &Added, members: &[&Alternative], kept: &[bool
         let scale = scales(&columns);
         let columns = scaled(columns, &scale);
         let values = columns.clone().svd(true, true).solve(&wanted, MIN_SHARE).map_err(anyhow::Error::msg)?;
-        if (&wanted - columns * values).norm() > TOLD_APART {
+        if (&wanted - columns * values).norm() > DISTINCT {
             return Ok(false);
         }
     }

@@ -76,18 +76,19 @@ impl EvenGrid {
     }
 
     fn rates_by(&self, values: &[f64], difference: Difference) -> [Vec<f64>; 2] {
-        let rate = |values: &[f64]| {
-            let mut rates = values.to_vec();
-            self.apply(&mut rates, |part| {
-                let of = |k| if self.step_s > 0.0 { difference(part, k) / self.step_s } else { 0.0 };
-                let all: Vec<f64> = (0..part.len()).map(of).collect();
-                part.copy_from_slice(&all);
-            });
-            rates
-        };
-        let first = rate(values);
-        let second = rate(&first);
+        let first = self.rate(values, difference);
+        let second = self.rate(&first, difference);
         [first, second]
+    }
+
+    fn rate(&self, values: &[f64], difference: Difference) -> Vec<f64> {
+        let mut rates = values.to_vec();
+        self.apply(&mut rates, |part| {
+            let of = |k| if self.step_s > 0.0 { difference(part, k) / self.step_s } else { 0.0 };
+            let all: Vec<f64> = (0..part.len()).map(of).collect();
+            part.copy_from_slice(&all);
+        });
+        rates
     }
 
     /// The mean square of the noise on points, by their sixth differences, in which a smooth channel leaves nothing.

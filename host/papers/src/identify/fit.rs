@@ -123,33 +123,35 @@ struct InCones<'a> {
 impl InCones<'_> {
     /// Identified coordinates all zero, from others inside the cones: they move to zero as far as the rest, which stays in the
     /// middle of what is possible, lets them, and again. `None` where they do not get there.
-    fn beside_identified(&self, start: &DVector<f64>) -> Option<DVector<f64>> {
-        let (n, n_identified) = (start.len(), self.informations.len());
-        let n_free = n - n_identified;
-        let map = self.map.columns(n_identified, n_free).into_owned();
-        let problem = |held: &DVector<f64>| {
-            let at = self.fitted + self.map.columns(0, n_identified) * held;
-            let (cones, floors) = self.equations.cones_and_floors(&at);
-            ConicLeastSquares {
-                information: DMatrix::identity(n_free, n_free),
-                gradient: -self.to_nominal.rows(n_identified, n_free),
-                map: Some(map.clone()),
-                cones,
-                floors,
-            }
-        };
-        let (mut held, mut free) =
-            (start.rows(0, n_identified).into_owned(), start.rows(n_identified, n_free).into_owned());
+    fn with_identified(&self, start: &DVector<f64>) -> Option<DVector<f64>> {
+        let n_identified = self.informations.len();
+        let mut identified = start.rows(0, n_identified).into_owned();
+        let mut free = start.rows(n_identified, start.len() - n_identified).into_owned();
         for _ in 0..MOVES {
-            free = problem(&held).solve_at(MIDDLE, free);
-            let moved =
-                (0..HALVINGS).map(|k| &held * (1.0 - 0.5f64.powi(k))).find(|held| problem(held).is_inside(&free))?;
-            held = moved;
-            if held.amax() == 0.0 {
-                return Some(self.fitted + &map * problem(&held).solve(free, MIN_WEIGHT));
+            free = self.beside(&identified).solve_at(MIDDLE, free);
+            let nearer = (0..HALVINGS).map(|k| &identified * (1.0 - 0.5f64.powi(k)));
+            identified = nearer.into_iter().find(|nearer| self.beside(nearer).is_inside(&free))?;
+            if identified.amax() == 0.0 {
+                let problem = self.beside(&identified);
+                return Some(self.fitted + problem.mapped(&problem.solve(free, MIN_WEIGHT)));
             }
         }
         None
+    }
+
+    /// The free coordinates beside these identified ones: as near to nominal as the priors ask.
+    fn beside(&self, identified: &DVector<f64>) -> ConicLeastSquares {
+        let (n, n_identified) = (self.to_nominal.len(), identified.len());
+        let n_free = n - n_identified;
+        let at = self.fitted + self.map.columns(0, n_identified) * identified;
+        let (cones, floors) = self.equations.cones_and_floors(&at);
+        ConicLeastSquares {
+            information: DMatrix::identity(n_free, n_free),
+            gradient: -self.to_nominal.rows(n_identified, n_free),
+            map: Some(self.map.columns(n_identified, n_free).into_owned()),
+            cones,
+            floors,
+        }
     }
 
     /// Identified coordinates as near to zero as their information asks.
@@ -264,7 +266,7 @@ impl Equations {
             to_nominal: from_values(&self.nominal),
         };
         let start = from_values(&self.inside_all_cones());
-        in_cones.beside_identified(&start).unwrap_or_else(|| in_cones.near_identified(start))
+        in_cones.with_identified(&start).unwrap_or_else(|| in_cones.near_identified(start))
     }
 
     /// The bodies and the friction among the changes of `fitted`.
