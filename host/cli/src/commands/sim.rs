@@ -34,7 +34,6 @@ Examples:
   darm sim arm.toml                       # board, arm and camera; in another terminal: darm console
   darm sim arm.toml --pty                 # its port is a pseudo terminal, for any terminal program
   darm sim arm.toml --in-process          # the firmware's library in this process
-  darm sim arm.toml --board pico          # the image of the Raspberry Pi Pico, in its emulator
   darm sim arm.toml --effect any --seed 7 # an undeclared effect in the arm: measure and diagnose it
   darm sim arm3.toml --before arm.toml --effect any --seed 7   # the same arm after its adjustment
   darm sim arm.toml --line-low 4          # output line 4 is stuck low: its limit switch reveals it
