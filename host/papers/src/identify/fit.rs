@@ -128,11 +128,11 @@ impl InCones<'_> {
         let mut identified = start.rows(0, n_identified).into_owned();
         let mut free = start.rows(n_identified, start.len() - n_identified).into_owned();
         for _ in 0..MOVES {
-            free = self.beside(&identified).solve_at(MIDDLE, free);
+            free = self.free_problem(&identified).solve_at(MIDDLE, free);
             let nearer = (0..HALVINGS).map(|k| &identified * (1.0 - 0.5f64.powi(k)));
-            identified = nearer.into_iter().find(|nearer| self.beside(nearer).is_inside(&free))?;
+            identified = nearer.into_iter().find(|nearer| self.free_problem(nearer).is_inside(&free))?;
             if identified.amax() == 0.0 {
-                let problem = self.beside(&identified);
+                let problem = self.free_problem(&identified);
                 return Some(self.fitted + problem.mapped(&problem.solve(free, MIN_WEIGHT)));
             }
         }
@@ -140,7 +140,7 @@ impl InCones<'_> {
     }
 
     /// The free coordinates beside these identified ones: as near to nominal as the priors ask.
-    fn beside(&self, identified: &DVector<f64>) -> ConicLeastSquares {
+    fn free_problem(&self, identified: &DVector<f64>) -> ConicLeastSquares {
         let (n, n_identified) = (self.to_nominal.len(), identified.len());
         let n_free = n - n_identified;
         let at = self.fitted + self.map.columns(0, n_identified) * identified;
