@@ -20,13 +20,6 @@ use crate::run::run;
 use crate::script::Script;
 use crate::summary::Record;
 
-/// Files that declare modules, with the modules that the simulation does without: they take most of a build's time.
-const UNUSED: [(&str, &[&str]); 3] = [
-    ("host/robot/src/lib.rs", &["dh", "ik", "robot", "urdf"]),
-    ("host/arm/src/lib.rs", &["draw", "migrate", "plan", "reach", "stops", "synthesis", "wired_arm"]),
-    ("host/device/src/lib.rs", &["follow", "qemu"]),
-];
-
 /// A defect as a patch.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mutant {
@@ -174,7 +167,6 @@ impl Scratch {
         for file in files.split('\0').filter(|file| !file.is_empty() && self.root.join(file).is_file()) {
             let (from, to) = (self.root.join(file), self.tree.join(file));
             let text = std::fs::read(&from).with_context(|| format!("{file} cannot be read"))?;
-            let text = without_unused(file, text);
             if std::fs::read(&to).is_ok_and(|old| old == text) {
                 continue;
             }
@@ -298,14 +290,6 @@ impl Job for Mutants {
     }
 }
 
-/// A file of the tree without the modules that the simulation does not use.
-fn without_unused(file: &str, text: Vec<u8>) -> Vec<u8> {
-    let Some((_, unused)) = UNUSED.iter().find(|(declares, _)| *declares == file) else { return text };
-    let is_unused = |line: &str| unused.iter().any(|module| line == format!("pub mod {module};\n"));
-    let text = String::from_utf8_lossy(&text);
-    text.split_inclusive('\n').filter(|line| !is_unused(line)).collect::<String>().into_bytes()
-}
-
 /// Copies what was built of crates from elsewhere, with the times that cargo compares.
 fn copy_dependencies(from: &Path, to: &Path) -> Result<()> {
     const OWN: [&str; 4] = ["darm", "libdarm", "xtask", "simulate"];
@@ -334,31 +318,4 @@ fn output(command: &mut Command) -> Result<String> {
         bail!("{:?} failed: {}", command.get_program(), String::from_utf8_lossy(&output.stderr).trim());
     }
     Ok(String::from_utf8_lossy(&output.stdout).into_owned())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{UNUSED, without_unused};
-
-    #[test]
-    fn unused_modules_are_left_out_of_the_copy_only_where_they_are_declared() {
-        let text = b"pub mod arm;\npub mod qemu;\npub mod draw;\n".to_vec();
-        assert_eq!(without_unused("host/arm/src/lib.rs", text.clone()), b"pub mod arm;\npub mod qemu;\n");
-        assert_eq!(without_unused("host/device/src/lib.rs", text.clone()), b"pub mod arm;\npub mod draw;\n");
-        assert_eq!(without_unused("shared/src/lib.rs", text.clone()), text);
-    }
-
-    #[test]
-    fn unused_modules_exist() {
-        let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
-            .ancestors()
-            .nth(2)
-            .expect("eval/simulate lies in the workspace");
-        for (file, modules) in UNUSED {
-            let text = std::fs::read_to_string(root.join(file)).expect("the file is in the tree");
-            for module in modules {
-                assert!(text.contains(&format!("\npub mod {module};\n")), "{file} does not declare {module}");
-            }
-        }
-    }
 }
