@@ -91,7 +91,7 @@
 //!   `unexplained-structure` with nothing wrong named. It is counted beside the rates and is not right.
 //! - **Indistinct**: `not-identifiable` of signals where the right laws are in the sets, and the others there, fitted to
 //!   what was added without noise, are less than 3.29 noises off it over all rows: a test at 5 % finds so much in 19 of 20
-//!   logs. Counts from 500000 on.
+//!   logs. Counts from 500000 on; from 600000 on they are fitted beside the other effects, each of these in any size.
 //! - **Named rightly**: as above, where the data suffice: in all layouts but the one of 60 to 120 rows, and of arms whose
 //!   effects are not indistinct.
 //! - A camera that drifts is `base-drift` at the base: an arm before it has one effect more than was drawn for it. The law

@@ -59,14 +59,19 @@ fn is_of(other: &Alternative, added: &Added) -> bool {
     added.cause.named() == Some((law_of(other.law), other.site.place))
 }
 
-/// Whether members of a set that are not the effect, each fitted to what it adds without noise, come nearer to that than
-/// rows distinguish.
+/// Whether members of a set that are not the effect, each fitted to what it adds without noise beside the other effects in
+/// any size, come nearer to that than rows distinguish.
 fn are_near(bench: &Bench, added: &Added, members: &[&Alternative], kept: &[bool]) -> Result<bool> {
     let (rows, n_axes) = (kept.len(), bench.noise.len());
     let counts = |row: usize| kept[row] && !bench.spoiled.contains(&row);
-    let of = |k: usize| added.shape[k % n_axes][k / n_axes] / bench.noise[k % n_axes];
-    let wanted = (0..rows * n_axes).map(|k| if counts(k / n_axes) { of(k) } else { 0.0 });
-    let wanted = DVector::from_iterator(rows * n_axes, wanted);
+    let shape = |added: &Added| {
+        let of = |k: usize| added.shape[k % n_axes][k / n_axes] / bench.noise[k % n_axes];
+        let numbers = (0..rows * n_axes).map(|k| if counts(k / n_axes) { of(k) } else { 0.0 });
+        DVector::from_iterator(rows * n_axes, numbers)
+    };
+    let wanted = shape(added);
+    let others: Vec<DVector<f64>> =
+        bench.added.iter().filter(|other| !std::ptr::eq(*other, added)).map(shape).collect();
     let left_out: Vec<usize> = (0..rows).filter(|row| !counts(*row)).collect();
     for other in members.iter().filter(|other| !is_of(other, added)) {
         let Some(columns) =
@@ -75,6 +80,8 @@ fn are_near(bench: &Bench, added: &Added, members: &[&Alternative], kept: &[bool
             return Ok(false);
         };
         let columns = in_noise(columns, bench, &left_out);
+        let own: Vec<DVector<f64>> = columns.column_iter().map(|column| column.into_owned()).collect();
+        let columns = DMatrix::from_columns(&[own, others.clone()].concat());
         let scale = scales(&columns);
         let columns = scaled(columns, &scale);
         let values = columns.clone().svd(true, true).solve(&wanted, MIN_SHARE).map_err(anyhow::Error::msg)?;

@@ -14,42 +14,34 @@ use std::path::Path;
 
 use crate::agreement::{self, Agreement};
 use crate::correction::{ArmCorrection, Outcome, SignalCorrection};
-use crate::effect::Law;
-use crate::error::{DiagnoseError, MIN_PIECES, MIN_WORDS};
+use crate::error::{DiagnoseError, MIN_WORDS};
 use crate::judge;
 use crate::judge::held_out::HeldOut;
 use crate::judge::next_words::Proposal;
 use crate::judge::regression::of_axis;
 use crate::judge::selected::{SelectedPoses, SelectedSignals};
-use crate::linearise::experiment::Experiment;
-use crate::linearise::laws::demean;
-use crate::linearise::linearise;
 use crate::linearise::model::Model;
 use crate::linearise::model_effects::{self, ModelEffect};
 use crate::measurement::hold_out::HoldOut;
 use crate::measurement::table::{Names, Table};
-use crate::measurement::{Finding, FindingKind, Run, Severity, check};
+use crate::measurement::{Finding, Run, Severity, check, demean};
 use crate::outcome::{Dependence, Diagnosis};
-use crate::prepare::groups::Groups;
 use crate::prepare::observations::{NoPose, Observations};
 use crate::prepare::repeatability::{self, Noise};
-use crate::prepare::signals::{Preparation, PrepareError, Prepared};
+use crate::prepare::signals::{Preparation, PrepareError};
 use crate::progress::{Progress, Stage};
-use crate::project::{Projected, project};
-use crate::rejection::{self, Rejection, is_of_one_law, sorted};
+use crate::rejection::{self, Rejection, is_of_one_law};
 use crate::report::{self, Summary, sentences};
 use crate::select::cross_validation::folds;
 use crate::select::forward::{Selection, forward_selection};
-use crate::select::search;
-use crate::select::signals::Signals;
 use crate::select::significance::Levels;
 use crate::select::tool_pose::ToolPoses;
 use darm_arm::arm::{Arm, ArmScratch};
 
-pub use crate::report::sentences::effect_sentence;
+mod search;
 
-/// Slopes and residuals from here on are no measurement.
-const LARGEST: f64 = 1e100;
+use self::search::{in_model, select};
+pub use crate::report::sentences::effect_sentence;
 
 /// How tool poses are diagnosed.
 #[derive(Clone, Debug)]
@@ -228,51 +220,6 @@ fn held_out_in_turn(model: &Model, table: &Table, options: &SignalOptions) -> Re
     Ok(Some(pooled))
 }
 
-/// Prepares, linearises, selects and projects; with `each` the rows of that value of the column are held out.
-fn select(
-    model: &Model,
-    table: &Table,
-    options: &SignalOptions,
-    each: Option<&str>,
-) -> Result<SelectedSignals, DiagnoseError> {
-    options.progress.enter(Stage::Prepare)?;
-    let data = Prepared::new(table.clone(), &options.preparation, each)?;
-    let (mut experiment, rejected) =
-        rejection::of_signals(linearise(model, &data)?, &model.effects, &options.rejected)?;
-    check_numbers(&experiment)?;
-    // A column that overflows determines nothing.
-    let values = experiment.candidates.iter_mut().flat_map(|candidate| &mut candidate.values);
-    for value in values.filter(|value| !value.column.iter().all(|slope| slope.abs() < LARGEST)) {
-        value.column.fill(0.0);
-    }
-    let groups = Groups::new(&experiment.rows);
-    if groups.n_blocks < MIN_PIECES {
-        return Err(DiagnoseError::TooFewPieces { rows: groups.training.len(), pieces: groups.n_blocks });
-    }
-    let always = always(&experiment, &options.always)?;
-    let n_known = always.len();
-    // Of rows that are held out in turn only the first search asks, which has them all.
-    let agreement = match each {
-        None => agreement::signals::agreement(model, &data, &experiment),
-        Some(_) => Agreement::AsRead,
-    };
-    options.progress.enter(Stage::Select)?;
-    let problem = Signals::new(experiment, groups).with_progress(options.progress.clone());
-    let (best, path) = match &agreement {
-        Agreement::Otherwise(_) => (problem.fitted(always), Vec::new()),
-        Agreement::AsRead | Agreement::Hardly(_) => search::select(&problem, always),
-    };
-    options.progress.check()?;
-    let Projected { best, impossible } = project(&problem, best, n_known);
-    let (held_out, mut findings) = (data.held_out, data.findings);
-    findings.extend(problem.experiment.findings.iter().cloned());
-    if !best.weighting.has_converged {
-        let text = "the noise and the fit that it weighs did not settle: intervals may be too narrow";
-        findings.push(Finding::note(FindingKind::NoConvergence, text));
-    }
-    Ok(SelectedSignals { problem, best, n_known, impossible, rejected, path, agreement, held_out, findings })
-}
-
 /// Judges and reports.
 fn conclude(
     model: &Model,
@@ -284,19 +231,9 @@ fn conclude(
     let summary = report::signals::summary(selected, pooled, options.seed);
     let summary = Summary { rejected: options.rejected.clone(), ..summary };
     let diagnosis = report::diagnosis(summary, judgement, sentences::of_signals);
-    let effects = model_effects::merge(&model.effects, in_model(selected));
+    let effects = model_effects::merge(&model.effects, in_model(&selected.problem, &selected.best));
     let correction = SignalCorrection { effects, terms: terms(&diagnosis, selected) };
     Outcome { diagnosis, correction }
-}
-
-/// The effects of the model that was selected, with all their values.
-fn in_model(selected: &SelectedSignals) -> Vec<ModelEffect> {
-    let (problem, fit) = (&selected.problem, &selected.best.fit);
-    let of = |&candidate: &usize| {
-        let values: Vec<f64> = problem.indices(&[candidate]).iter().map(|&at| fit.values[at]).collect();
-        ModelEffect::of(&problem.experiment.candidates[candidate], &values)
-    };
-    fit.active.iter().map(of).collect()
 }
 
 /// What remains along one signal, as fitted terms.
@@ -322,34 +259,6 @@ fn replaces_rejected(term: &ModelEffect, selected: &SelectedSignals) -> bool {
     let values = selected.rejected.iter().flat_map(|one| one.values.iter().map(|value| (one.law, value)));
     let columns = values.map(|(law, value)| (law, demean(&of_axis(&value.column, n_axes, axis))));
     is_of_one_law(&added, columns.collect())
-}
-
-/// The candidates of the laws that are always in the model; of a law with several shapes the first.
-fn always(experiment: &Experiment, laws: &[String]) -> Result<Vec<usize>, DiagnoseError> {
-    let candidates = &experiment.candidates;
-    let mut active: Vec<usize> = Vec::new();
-    for name in laws {
-        let law = Law::named(name);
-        let all: Vec<usize> = (0..candidates.len()).filter(|&k| Some(candidates[k].law) == law).collect();
-        if all.is_empty() {
-            let known = sorted(candidates.iter().map(|candidate| candidate.law.as_str()), ", ");
-            return Err(DiagnoseError::UnknownLaw { law: name.clone(), known });
-        }
-        for k in all {
-            if !active.iter().any(|&other| candidates[other].is_same(&candidates[k])) {
-                active.push(k);
-            }
-        }
-    }
-    Ok(active)
-}
-
-fn check_numbers(experiment: &Experiment) -> Result<(), DiagnoseError> {
-    let n_axes = experiment.axes.len();
-    match experiment.residuals.iter().position(|residual| residual.is_nan() || residual.abs() >= LARGEST) {
-        Some(at) => Err(DiagnoseError::NotANumber { line: experiment.rows[at / n_axes].line }),
-        None => Ok(()),
-    }
 }
 
 #[cfg(test)]

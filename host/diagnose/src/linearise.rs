@@ -27,6 +27,7 @@ use crate::prepare::signals::Prepared;
 use darm_robot::robot::Robot;
 use experiment::{Columns, Experiment, Moving};
 use model::{Model, What};
+use torque::Near;
 
 /// The experiment of each kind of measurement: a new kind is a variant of [`What`] and its line here.
 ///
@@ -34,16 +35,25 @@ use model::{Model, What};
 ///
 /// A table without the columns of its kind, and an effect of the model that has no place in it.
 pub(crate) fn linearise(model: &Model, data: &Prepared) -> Result<Experiment, DiagnoseError> {
+    linearise_near(model, data, None)
+}
+
+/// The same near a model that was found: its laws' constants and its columns are those that it gives.
+///
+/// # Errors
+///
+/// As [`linearise`].
+pub(crate) fn linearise_near(model: &Model, data: &Prepared, near: Option<Near>) -> Result<Experiment, DiagnoseError> {
     let known = &model.effects;
     let mut experiment = match &model.what {
         What::Cylinder { bore_m } => force::experiment(data, *bore_m, known)?,
         What::Servo => position::experiment(data, known)?,
-        What::Torque(robot, transmission) => torque::experiment(data, robot, transmission.as_ref(), known)?,
+        What::Torque(robot, transmission) => torque::experiment(data, robot, transmission.as_ref(), known, near)?,
         What::Wrench(robot) => wrench::experiment(data, robot)?,
         What::PointContact(robot, points) => point_contact::experiment(data, robot, points)?,
         What::Tool(robot, how) => measured_tool::experiment(data, robot, how)?,
         What::Any(robot) if is_wrench(data) => wrench::experiment(data, robot)?,
-        What::Any(robot) => torque::experiment(data, robot, None, known)?,
+        What::Any(robot) => torque::experiment(data, robot, None, known, near)?,
     };
     model_effects::apply(&mut experiment, known)?;
     Ok(experiment)

@@ -63,12 +63,20 @@ pub(super) fn hypotheses(model: &Model, data: &Prepared, columns: &Columns) -> V
         Hypothesis::of(Misreading::InvertedColumns { columns }, reading)
     }));
     all.extend(of_angles(moving));
-    let longest = (LONGEST * data.n_all_rows() as f64) as isize;
-    let is_tried = |rows: &isize| *rows <= longest && *rows as f64 * data.sampling.period_s >= MIN_DELAY_S;
-    let delays = DELAYS.into_iter().filter(is_tried).flat_map(|rows| [rows, -rows]);
-    all.extend(delays.map(|rows| late(data, &measured.concat(), rows)));
+    if is_in_motion(data, moving) {
+        let longest = (LONGEST * data.n_all_rows() as f64) as isize;
+        let is_tried = |rows: &isize| *rows <= longest && *rows as f64 * data.sampling.period_s >= MIN_DELAY_S;
+        let delays = DELAYS.into_iter().filter(is_tried).flat_map(|rows| [rows, -rows]);
+        all.extend(delays.map(|rows| late(data, &measured.concat(), rows)));
+    }
     all.extend(mounted(model));
     all
+}
+
+/// Whether a joint moves within the stretches: where all are at rest nothing shows a delay.
+fn is_in_motion(data: &Prepared, moving: &[Moving]) -> bool {
+    let mut positions = moving.iter().filter_map(|joint| joint.columns.first());
+    moving.is_empty() || positions.any(|position| data.changes_within_stretches(position))
 }
 
 /// What was measured in units a thousand times larger or smaller.

@@ -8,6 +8,7 @@ use crate::judge::remaining::{self, Remaining};
 use crate::judge::selected::SelectedSignals;
 use crate::judge::{Judgement, intervals, next_rows, scatter};
 use crate::linearise::experiment::{Candidate, Experiment};
+use crate::linearise::torque::is_ripple;
 use crate::outcome::{Alternative, Repeatability, RepeatedIn, Structure, Verdict};
 use crate::select::factored::judged;
 use crate::select::problem::RegressionProblem as _;
@@ -126,7 +127,8 @@ fn is_of(found: &Effect, candidate: &Candidate) -> bool {
 
 /// What explains the rows as well in the place of an effect that differs from zero, where the model has few.
 ///
-/// Another shape of the same law at the same place is no other explanation, and neither is what is in the model already.
+/// Another shape of the same law at the same place is no other explanation, and neither is what is in the model already. What
+/// explains the lesser part of an effect as well leaves the effect where it is.
 fn rivals_of_effects(selected: &SelectedSignals, effects: &[Effect]) -> Vec<Rival> {
     let SelectedSignals { problem, best, n_known, .. } = selected;
     let n_found = best.fit.active.len() - n_known;
@@ -136,7 +138,8 @@ fn rivals_of_effects(selected: &SelectedSignals, effects: &[Effect]) -> Vec<Riva
     let candidates = &problem.experiment.candidates;
     let is_named = |order: &usize| effects.iter().any(|found| is_of(found, selected.candidate(*order)));
     let mut all: Vec<Rival> = Vec::new();
-    for order in (*n_known..best.fit.active.len()).filter(is_named) {
+    let is_certain = |order: &usize| is_named(order) && !is_lesser_part(selected, *order);
+    for order in (*n_known..best.fit.active.len()).filter(is_certain) {
         for (candidate, rival, worse_with) in single_rivals(problem, best, order) {
             let is_same = |other: usize| candidates[other].is_same(&candidates[candidate]);
             let is_known = all.iter().any(|rival| rival.order == order && is_same(rival.candidate));
@@ -146,6 +149,21 @@ fn rivals_of_effects(selected: &SelectedSignals, effects: &[Effect]) -> Vec<Riva
         }
     }
     all
+}
+
+/// Whether an effect is the lesser part of another: a second shape of its law, or the other phase of a ripple.
+fn is_lesser_part(selected: &SelectedSignals, order: usize) -> bool {
+    let SelectedSignals { problem, best, .. } = selected;
+    let candidate = selected.candidate(order);
+    let size = |k: usize| problem.indices(&[k]).first().map_or(0.0, |&value| best.fit.values[value].abs());
+    let period = |candidate: &Candidate| candidate.shape.as_ref().map(|(_, number, _)| *number);
+    let own = size(best.fit.active[order]);
+    let is_larger_part = |k: usize| {
+        let other = &problem.experiment.candidates[k];
+        let is_phase = is_ripple(other.law) && is_ripple(candidate.law) && period(other) == period(candidate);
+        other.site == candidate.site && (is_phase || other.law == candidate.law) && size(k) > own
+    };
+    best.fit.active.iter().any(|&k| is_larger_part(k))
 }
 
 /// The effects that have rivals, and these, once each.

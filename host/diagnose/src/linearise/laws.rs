@@ -240,12 +240,6 @@ impl Coordinate<'_> {
     }
 }
 
-/// A channel less its mean.
-pub fn demean(values: &[f64]) -> Vec<f64> {
-    let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
-    values.iter().map(|value| value - mean).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -2,10 +2,11 @@
 
 use crate::effect::{Law, Place, Site};
 use crate::linearise::experiment::{Axis, Candidate, Experiment};
-use crate::linearise::laws::{Coordinate, demean, range};
+use crate::linearise::laws::{Coordinate, range};
 use crate::linearise::model_effects::ModelEffect;
 use crate::measured::Measured;
 use crate::measurement::ReadError;
+use crate::measurement::demean;
 use crate::prepare::signals::Prepared;
 
 /// The experiment of one joint; a load (any unit) and a temperature are used where they were measured.

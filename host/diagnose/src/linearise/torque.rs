@@ -1,6 +1,7 @@
 //! Joint torques along motions: predicted by inverse dynamics of the robot, beside the motors' torque at the joints.
 
 mod couplings;
+mod near;
 mod payload;
 mod placement;
 #[cfg(test)]
@@ -11,11 +12,12 @@ use darm_core::tree::Body;
 use nalgebra::DMatrix;
 
 use self::couplings::{Clock, common_delay, couplings};
-use self::placement::Misplaced;
+pub(crate) use self::near::{Near, is_ripple};
+use self::placement::{Misplaced, Placement};
 use crate::effect::{Place, Site};
 use crate::error::DiagnoseError;
 use crate::linearise::bodies;
-use crate::linearise::experiment::{Axis, BodyCandidate, Candidate, Columns, Curvature, Experiment, Moving};
+use crate::linearise::experiment::{Axis, BodyCandidate, Candidate, Columns, Curvature, Experiment, Moving, Value};
 use crate::linearise::laws::Coordinate;
 use crate::linearise::model_effects::{self, ModelEffect};
 use crate::linearise::ripple::periods_a_turn;
@@ -53,6 +55,24 @@ struct Motion {
     /// Whether it is a part of a log, whose readings are compared: no ripples then, whose periods take most of the time, and
     /// offsets as far as they are linear.
     is_sample: bool,
+    /// Where what changes with the model is taken; `None`: at the model as it is.
+    near: Option<Near>,
+}
+
+impl Motion {
+    /// The same where joints are not where their encoders show them.
+    fn placed(&self, placement: &Placement) -> Self {
+        let rows = 0..self.payload.len();
+        let shown = |row: usize| self.q.iter().map(|channel| channel[row]).collect::<Vec<f64>>();
+        let moved: Vec<Vec<f64>> = rows.map(|row| placement.position(&shown(row))).collect();
+        let q = (0..self.q.len()).map(|joint| moved.iter().map(|row| row[joint]).collect()).collect();
+        Self { q, v: self.v.clone(), a: self.a.clone(), ..Self::default() }
+    }
+}
+
+/// A robot whose base is not level.
+fn placed(robot: &Robot, placement: &Placement) -> Robot {
+    Robot { gravity: placement.gravity(), ..robot.clone() }
 }
 
 /// The experiment of a robot on a fixed base.
@@ -61,13 +81,14 @@ pub(crate) fn experiment(
     robot: &Robot,
     transmission: Option<&Transmission>,
     known: &[ModelEffect],
+    near: Option<Near>,
 ) -> Result<Experiment, PrepareError> {
     let n = robot.joints.len();
     let motion = match transmission {
         Some(transmission) if data.raw("qm1").is_some() => of_motors(data, transmission, n)?,
         _ => of_joints(data, robot)?,
     };
-    let motion = Motion { payload: payload::carried(data)?, is_sample: data.is_sample(), ..motion };
+    let motion = Motion { payload: payload::carried(data)?, is_sample: data.is_sample(), near, ..motion };
     let mut experiment = of_motion(data.rows.clone(), robot, transmission, known, &motion)?;
     experiment.findings.extend(other_joints(data, n));
     Ok(experiment)
@@ -108,7 +129,7 @@ pub fn added(
         |(k, &time_s): (usize, &f64)| Row { line: k + 1, time_s, series: 0, motion: 0, key: None, held_out: false };
     let rows: Vec<Row> = times_s.iter().enumerate().map(row).collect();
     let (tau, payload) = (vec![vec![0.0; rows.len()]; n], vec![0; rows.len()]);
-    let motion = Motion { q, v, a, tau, payload, is_sample: false };
+    let motion = Motion { q, v, a, tau, payload, is_sample: false, near: None };
     let mut experiment = of_motion(rows, robot, transmission, known, &motion)?;
     let nominal = experiment.residuals.clone();
     model_effects::apply(&mut experiment, known)?;
@@ -127,13 +148,20 @@ fn of_motion(
     let n = robot.joints.len();
     let clock = Clock::new(&rows);
     let ripples = if motion.is_sample { 0 } else { RIPPLES };
-    let (nominal, regressor) = regressor(robot, motion, rows.len());
+    let sites: Vec<Site> = (0..n).map(|joint| site_of_joint(robot, joint, joint)).collect();
+    let near = motion.near.as_ref();
+    let found = model_effects::merge(known, near.map_or_else(Vec::new, |near| near.effects.clone()));
+    let placement = Placement::of(robot, &sites, &found);
+    let (nominal, mut columns) = regressor(robot, motion, rows.len());
+    if !placement.is_as_modelled(robot) {
+        (_, columns) = regressor(&placed(robot, &placement), &motion.placed(&placement), rows.len());
+    }
     let measured: Vec<f64> = (0..rows.len() * n).map(|k| motion.tau[k % n][k / n]).collect();
     let residuals: Vec<f64> = nominal.iter().zip(&measured).map(|(nominal, measured)| nominal - measured).collect();
-    let bodies = all_bodies(robot, motion, known, regressor)?;
-    let misplaced = misplaced(robot, motion, &bodies)?;
+    let left = near.map_or(&residuals, |near| &near.residuals);
+    let bodies = all_bodies(robot, motion, known, columns)?;
+    let misplaced = misplaced(robot, motion, &bodies, (placement, &found))?;
     let (mut candidates, bodies) = bodies.into_iter().unzip::<_, _, Vec<_>, Vec<_>>();
-    let sites: Vec<Site> = (0..n).map(|joint| site_of_joint(robot, joint, joint)).collect();
     for (joint, site) in sites.iter().enumerate() {
         let load: Vec<f64> = (0..rows.len()).map(|row| nominal[row * n + joint]).collect();
         let shares: Vec<f64> = (0..n).map(|k| f64::from(u8::from(k == joint))).collect();
@@ -142,7 +170,7 @@ fn of_motion(
         let periods = match transmission {
             Some(transmission) => vec![transmission.matrix[(joint, joint)].abs()],
             None => {
-                let own: Vec<f64> = residuals.iter().skip(joint).step_by(n).copied().collect();
+                let own: Vec<f64> = left.iter().skip(joint).step_by(n).copied().collect();
                 periods_a_turn(&coordinate, &own, |row| !rows[row].held_out, ripples)
             }
         };
@@ -193,8 +221,14 @@ fn all_bodies(
     Ok(links.chain(carried).collect())
 }
 
-/// Joints and a base that are not where the model has them; `bodies` are those of the experiment.
-fn misplaced(robot: &Robot, motion: &Motion, bodies: &[(Candidate, BodyCandidate)]) -> Result<Misplaced, PrepareError> {
+/// Joints and a base that are not where the model has them; `bodies` are those of the experiment, `found` the effects that a
+/// model has beside a placement.
+fn misplaced(
+    robot: &Robot,
+    motion: &Motion,
+    bodies: &[(Candidate, BodyCandidate)],
+    (placement, found): (Placement, &[ModelEffect]),
+) -> Result<Misplaced, PrepareError> {
     let state =
         |row: usize| [&motion.q, &motion.v, &motion.a].map(|of| of.iter().map(|channel| channel[row]).collect());
     let states = (0..motion.payload.len()).map(state).collect();
@@ -204,7 +238,14 @@ fn misplaced(robot: &Robot, motion: &Motion, bodies: &[(Candidate, BodyCandidate
         Some((body, link?))
     };
     let carried = motion.payload.iter().map(carried).collect();
-    Misplaced::new(robot, states, carried).map_err(|error| PrepareError::Nothing(error.to_string()))
+    let off = |(candidate, _): &(Candidate, BodyCandidate)| {
+        let is_own = |effect: &&ModelEffect| effect.law == candidate.law && effect.place == candidate.site.code;
+        let own = found.iter().find(is_own);
+        let size = move |value: &Value| own.and_then(|own| own.values.get(&value.name)).copied().unwrap_or_default();
+        candidate.values.iter().map(size).collect::<Vec<f64>>()
+    };
+    let off: Vec<f64> = bodies.iter().flat_map(off).collect();
+    Misplaced::new(robot, states, carried, (placement, &off)).map_err(|error| PrepareError::Nothing(error.to_string()))
 }
 
 /// Bounds the values of a law: the torques are those of the motors, so what takes power never lowers them.

@@ -8,7 +8,7 @@ use crate::measurement::hold_out::{HeldOut, HoldOut};
 use crate::measurement::select::Selection;
 use crate::measurement::signal::{LowPass, interpolated, stretches, unwrapped};
 use crate::measurement::table::Table;
-use crate::measurement::{Finding, FindingKind, ReadError};
+use crate::measurement::{Finding, FindingKind, ReadError, demean};
 use crate::prepare::column_reading::ColumnReading;
 pub use crate::prepare::error::PrepareError;
 use crate::prepare::groups::Row;
@@ -20,6 +20,9 @@ use crate::prepare::thinning::one_of_each_part;
 const MAX_ROWS: usize = 10_000;
 /// Steps of time longer than this, in usual ones, are gaps: nothing is interpolated across.
 pub(crate) const MAX_STEP: f64 = 5.0;
+
+/// What varies by this share within the stretches, of how much it varies in all, is at rest there.
+const AT_REST: f64 = 0.01;
 
 /// How a table is made ready.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -232,6 +235,14 @@ impl Prepared {
     /// A channel of every row as the table has it; `None` without that quantity.
     pub fn raw(&self, quantity: &str) -> Option<Cow<'_, [f64]>> {
         self.reading.numbers(&self.all.table, quantity)
+    }
+
+    /// Whether a quantity changes within the stretches: where a robot is measured at rest, posture after posture, none does.
+    pub(crate) fn changes_within_stretches(&self, quantity: &str) -> bool {
+        let Some(numbers) = self.raw(quantity) else { return false };
+        let squares = |numbers: &[f64]| demean(numbers).iter().map(|off| off * off).sum::<f64>();
+        let within: f64 = stretches(&self.all.series).into_iter().map(|stretch| squares(&numbers[stretch])).sum();
+        within > AT_REST * AT_REST * squares(&numbers)
     }
 
     /// Positions in every row, interpolated when they are a posture, filtered.

@@ -28,20 +28,30 @@ pub(super) fn backward_elimination(problem: &Signals, start: &Trial<Signals>) ->
     let known = start.fit.active.clone();
     let full = problem.fitted(every_law(problem, &known));
     let shaped = best_shapes(problem, full, known.len());
-    let n_tried = shaped.fit.active.len() - known.len();
-    let (mut best, mut path) = (shaped, Vec::new());
+    let (best, path) = without_unmissed(problem, shaped, known.len());
+    unless_empty_is_as_good(problem, known, best, path)
+}
+
+/// What is left of a model, and what went and what stayed; the first `n_known` always stay.
+pub(super) fn without_unmissed(
+    problem: &Signals,
+    mut best: Trial<Signals>,
+    n_known: usize,
+) -> (Trial<Signals>, Vec<SelectionStep>) {
+    let n_tried = every_law(problem, &best.fit.active[..n_known]).len() - n_known;
+    let mut path = Vec::new();
     for _ in 0..SWEEPS {
         if problem.progress.is_cancelled() {
             break;
         }
         let Ok(reweighted) = problem.reweight_until_converged(best);
         let n_before = reweighted.fit.active.len();
-        (best, path) = sweep(problem, reweighted, known.len(), n_tried);
+        (best, path) = sweep(problem, reweighted, n_known, n_tried);
         if best.fit.active.len() == n_before {
             break;
         }
     }
-    unless_empty_is_as_good(problem, known, best, path)
+    (best, path)
 }
 
 /// The model with every law at every place, and what each law gives.

@@ -82,9 +82,11 @@ pub fn forward_selection<P: RegressionProblem>(
         let n_tried = path.iter().filter(|tried: &&SelectionStep| tried.step == step).count();
         if let Some(first) = first_significant(problem, &best, &refitted, n_tried) {
             mark_kept(problem, &mut path, &refitted[first]);
+            let n_before = problem.n_effects(&best.fit);
             best = refitted.remove(first);
             rivals = refitted;
-            while let Some(without) = without_superfluous(problem, &best, n_known, n_tried)? {
+            let n_added = problem.n_effects(&best.fit) - n_before;
+            while let Some(without) = without_superfluous(problem, &best, [n_known, n_tried, n_added])? {
                 best = without;
                 rivals.clear();
             }
@@ -186,22 +188,23 @@ fn exchanged<P: RegressionProblem>(problem: &P, best: &Trial<P>, n_known: usize)
 }
 
 /// The model without an effect that is superfluous: one that would not be selected beside those that came later; where laws
-/// overlap, one that is worth nothing at all.
+/// overlap, one that is worth nothing at all. The last one stays where it came by itself; of a law that came at `n_added`
+/// places each must be worth something, by as many tests.
 fn without_superfluous<P: RegressionProblem>(
     problem: &P,
     best: &Trial<P>,
-    n_known: usize,
-    n_tried: usize,
+    [n_known, n_tried, n_added]: [usize; 3],
 ) -> Result<Option<Trial<P>>, P::Error> {
     let n = problem.n_effects(&best.fit);
     if n < n_known + 2 {
         return Ok(None);
     }
     let neighbours = problem.neighbours(best);
-    for dropped in n_known..n - 1 {
+    for dropped in n_known..n - usize::from(n_added == 1) {
         let without = neighbours.with_one_less(dropped)?;
+        let level = if dropped + n_added < n { RIVAL_LEVEL } else { RIVAL_LEVEL / n_added as f64 };
         let is_missed = match problem.policy().laws_overlap {
-            true => problem.under(best).reduction(&without, best).p <= RIVAL_LEVEL,
+            true => problem.under(best).reduction(&without, best).p <= level,
             false => is_significant(problem, &without, best, n_tried),
         };
         if !is_missed {

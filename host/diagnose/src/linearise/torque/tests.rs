@@ -9,11 +9,12 @@ use darm_robot::description;
 use darm_robot::robot::{Motion, Robot};
 
 use super::experiment;
-use super::placement::Misplaced;
+use super::placement::{Misplaced, Placement};
 use crate::diagnosis::{SignalOptions, diagnose_table};
 use crate::effect::{Law, Place, Site};
 use crate::linearise::experiment::Candidate;
 use crate::linearise::model::{Model, What};
+use crate::linearise::model_effects::ModelEffect;
 use crate::linearise::serial_chain::site_of_joint;
 use crate::measurement::table::{Names, Table};
 use crate::outcome::{Diagnosis, Verdict};
@@ -124,7 +125,8 @@ fn holds([low, high]: [f64; 2], value: f64, within: f64) {
 }
 
 fn candidates(robot: &Robot, states: &[[Vec<f64>; 3]], sites: &[Site]) -> Vec<Candidate> {
-    Misplaced::new(robot, states.to_vec(), vec![None; states.len()]).unwrap().candidates(robot, sites)
+    let near = (Placement::of(robot, sites, &[]), &vec![0.0; 10 * robot.joints.len()][..]);
+    Misplaced::new(robot, states.to_vec(), vec![None; states.len()], near).unwrap().candidates(robot, sites)
 }
 
 #[test]
@@ -153,34 +155,61 @@ fn columns_are_the_first_order_of_what_moved_robots_need() {
     }
 }
 
+/// An effect of a model, with these values.
+fn effect<const N: usize>(law: Law, place: &str, values: [(&str, f64); N]) -> ModelEffect {
+    let values = BTreeMap::from(values.map(|(name, value)| (name.to_string(), value)));
+    ModelEffect { law, place: place.into(), constant: None, values, along: None, points: Vec::new() }
+}
+
 #[test]
 fn what_columns_leave_out_of_moved_robots_is_added() {
-    let robot = tx40();
+    let (robot, bodies) = (tx40(), 10 * (JOINTS + 1));
+    let sites: Vec<Site> = (0..JOINTS).map(|joint| site_of_joint(&robot, joint, joint)).collect();
     let states: Vec<[Vec<f64>; 3]> = (0..5).map(|k| state(0.37 * f64::from(k))).collect();
     let payload = Some((JOINTS, JOINTS - 1));
     let carried = vec![None, payload, payload, None, None];
-    let misplaced = Misplaced::new(&robot, states.clone(), carried.clone()).unwrap();
-    let sites: Vec<Site> = (0..JOINTS).map(|joint| site_of_joint(&robot, joint, joint)).collect();
-    let columns: Vec<Vec<f64>> =
-        misplaced.candidates(&robot, &sites).into_iter().flat_map(|one| one.values).map(|value| value.column).collect();
-    let mut values = vec![0.0; 10 * (JOINTS + 1) + columns.len()];
     // A payload of 2 kg at the link's origin, and joint 3 and the base far from their places.
-    values[10 * JOINTS] = 2.0;
-    assert_eq!(misplaced.beyond(&values), None);
-    let (offset, turn) = (0.2, Vec3::new(0.0, 0.15, 0.0));
-    let first = 10 * (JOINTS + 1);
-    (values[first + 1], values[first + 4]) = (offset, turn.y);
-    let beyond = misplaced.beyond(&values).unwrap();
+    let (offset, turn, mut off) = (0.2, Vec3::new(0.0, 0.15, 0.0), vec![0.0; bodies]);
+    off[10 * JOINTS] = 2.0;
+    let nominal = (Placement::of(&robot, &sites, &[]), &vec![0.0; bodies][..]);
+    let misplaced = Misplaced::new(&robot, states.clone(), carried.clone(), nominal).unwrap();
+    assert_eq!(misplaced.beyond(&[&off[..], &[0.0; 5]].concat()), None);
+    let beyond = |misplaced: &Misplaced, sizes: [f64; 2]| {
+        let candidates = misplaced.candidates(&robot, &sites).into_iter().flat_map(|one| one.values);
+        let columns: Vec<Vec<f64>> = candidates.map(|value| value.column).collect();
+        let mut values = vec![0.0; columns.len()];
+        // The first joint shows where the base is not level.
+        let first = columns.len() - 5;
+        (values[first + 1], values[first + 4]) = (sizes[0], sizes[1]);
+        let beyond = misplaced.beyond(&[&off[..], &values].concat()).unwrap();
+        let linear = |at: usize| sizes[0] * columns[first + 1][at] + sizes[1] * columns[first + 4][at];
+        (0..beyond.len()).map(|at| beyond[at] + linear(at)).collect::<Vec<f64>>()
+    };
+    let moved = |robot: Robot, [offset, turn_y]: [f64; 2]| {
+        let mut moved = robot;
+        let own = &mut moved.joints[2].joint;
+        own.placement = own.placement * Pose::new(&(own.axis.direction * offset), Vec3::zeros());
+        moved.gravity = rotation_exp(&Vec3::new(0.0, turn_y, 0.0)).transpose() * moved.gravity;
+        moved
+    };
+    let found = [
+        effect(Law::JointOffset, &sites[2].code, [("offset", 0.19)]),
+        effect(Law::BaseTilt, "the base", [("second turn across", 0.14)]),
+    ];
+    let near = (Placement::of(&robot, &sites, &found), &off[..]);
+    let misplaced_near = Misplaced::new(&robot, states.clone(), carried.clone(), near).unwrap();
+    let [far, near] = [&misplaced, &misplaced_near].map(|misplaced| beyond(misplaced, [offset, turn.y]));
     for (row, state) in states.iter().enumerate() {
         let shown = if carried[row].is_some() { loaded(2.0, Vec3::zeros()) } else { tx40() };
-        let mut real = shown.clone();
-        let own = &mut real.joints[2].joint;
-        own.placement = own.placement * Pose::new(&(own.axis.direction * offset), Vec3::zeros());
-        real.gravity = rotation_exp(&turn).transpose() * real.gravity;
-        for (joint, (real, shown)) in torque(&real, state).iter().zip(torque(&shown, state)).enumerate() {
+        let of = |robot: Robot, sizes| torque(&moved(robot, sizes), state);
+        let (real, level) = (of(shown.clone(), [offset, turn.y]), torque(&shown, state));
+        // The columns of bodies near a placement are those of the robot there.
+        let bodies = of(shown, [0.19, 0.14]).into_iter().zip(of(tx40(), [0.19, 0.14]));
+        let bodies: Vec<f64> = bodies.map(|(loaded, empty)| loaded - empty).collect();
+        for (joint, nominal) in torque(&robot, state).into_iter().enumerate() {
             let at = row * JOINTS + joint;
-            let linear = offset * columns[1][at] + turn.y * columns[4][at];
-            assert!((shown + linear + beyond[at] - real).abs() < 1e-9, "row {row}, joint {joint}");
+            assert!((level[joint] + far[at] - real[joint]).abs() < 1e-9, "row {row}, joint {joint}");
+            assert!((nominal + bodies[joint] + near[at] - real[joint]).abs() < 1e-9, "row {row}, joint {joint}");
         }
     }
 }
@@ -221,6 +250,16 @@ fn a_tilted_base_is_named_alone_with_its_size() {
     let values = alone(&diagnosed(|t| (torque(&real, &state(t)), 0)), Law::BaseTilt, Place::Base);
     holds(values["first turn across"], 0.0, 0.003);
     holds(values["second turn across"], 0.01, 0.003);
+}
+
+#[test]
+fn a_heavy_link_on_a_tilted_base_is_named_beside_the_tilt() {
+    let mut real = loaded(2.0, Vec3::new(0.03, 0.0, 0.1));
+    real.gravity = tilted(Vec3::new(0.0, 0.08, 0.0)).gravity;
+    let found = diagnosed_with(0.02, |t| (torque(&real, &state(t)), 0));
+    let mut named: Vec<(Law, Place)> = found.effects.iter().map(|effect| (effect.law, effect.site.place)).collect();
+    named.sort_unstable();
+    assert_eq!(named, [(Law::BaseTilt, Place::Base), (Law::MassDistribution, Place::Link(3))], "{:?}", found.plain);
 }
 
 #[test]
@@ -269,7 +308,7 @@ fn joints_that_only_the_log_has_are_reported() {
     let findings = |robot: &Robot| {
         let table = Table::read_text(Path::new("a.csv"), text.as_bytes(), &Names::new()).unwrap().0;
         let data = Prepared::new(table, &Preparation::default(), None).unwrap();
-        experiment(&data, robot, None, &[]).unwrap().findings
+        experiment(&data, robot, None, &[], None).unwrap().findings
     };
     assert!(findings(&tx40())[0].text.starts_with("the log has joints 5 to 6, the model has 4 joints"));
     assert_eq!(findings(&locked(&[])), []);

@@ -1,0 +1,38 @@
+//! A model that a search found, near which the next experiment is made: the slopes of what is misplaced change with the bodies,
+//! those of bodies with what is misplaced, and the periods of ripples show in what the model leaves.
+
+use crate::effect::Law;
+use crate::linearise::experiment::Experiment;
+use crate::linearise::model_effects::ModelEffect;
+use crate::measured::Measured;
+
+/// Whether a law is a ripple's sine or cosine.
+pub(crate) fn is_ripple(law: Law) -> bool {
+    matches!(law, Law::GearPeriodicSine | Law::GearPeriodicCosine)
+}
+
+/// A model that was found in an experiment, near which another one is made.
+pub(crate) struct Near {
+    /// Its effects.
+    pub(super) effects: Vec<ModelEffect>,
+    /// What it leaves, without its ripples: rows × joints.
+    pub(super) residuals: Vec<f64>,
+}
+
+impl Near {
+    /// The model with these values of an experiment's candidates, which are these effects; `None` where nothing of the
+    /// experiment changes with it.
+    pub(crate) fn model(experiment: &Experiment, values: &[f64], effects: Vec<ModelEffect>) -> Option<Self> {
+        let changes = |effect: &ModelEffect| {
+            matches!(effect.law, Law::MassDistribution | Law::JointOffset | Law::BaseTilt) || is_ripple(effect.law)
+        };
+        if experiment.kind != Measured::JointTorque || !effects.iter().any(changes) {
+            return None;
+        }
+        let (offsets, _) = experiment.offsets();
+        let mut without_ripples = values.to_vec();
+        let ripples = experiment.candidates.iter().zip(offsets).filter(|(candidate, _)| is_ripple(candidate.law));
+        ripples.for_each(|(_, at)| without_ripples[at] = 0.0);
+        Some(Self { effects, residuals: experiment.at(&without_ripples) })
+    }
+}
