@@ -184,9 +184,14 @@ fn add_of_entire_robot(
     let (cause, shape) = match mechanism - ENTIRE {
         0 => {
             // The first axis is upright, and the last link even about its own: their offsets change no torque.
-            let joint = rng.random_range(1..n - 1);
-            let shape = changed.by(|changed| changed.offsets_rad[joint] = angle_rad)?;
-            (Cause::Law(LawName::JointOffset, Place::Joint(joint)), shape)
+            loop {
+                let joint = rng.random_range(1..n - 1);
+                let shape = changed.by(|changed| changed.offsets_rad[joint] = angle_rad)?;
+                if bench.shows(&shape) {
+                    break (Cause::Law(LawName::JointOffset, Place::Joint(joint)), shape);
+                }
+                changed.offsets_rad[joint] = 0.0;
+            }
         }
         1 => {
             let (sin, cos) = rng.random_range(0.0..TAU).sin_cos();

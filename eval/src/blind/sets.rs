@@ -10,9 +10,9 @@ use super::signals::{Added, Bench, law_of};
 
 /// Members of a set are alike where what they add differs by no more than this share of the noise, root mean square.
 const SAME: f64 = 0.5;
-/// Noises that the effect and a member of its set must be apart, over all rows, so that a test at 5 % finds the difference
-/// in 19 of 20 logs: twice 1.645.
-const DISTINCT: f64 = 3.29;
+/// Noises that the effect and a member of its set must be apart, over all rows, so that a test at 1 % finds the difference
+/// in 19 of 20 logs: 2.326 + 1.645.
+const DISTINCT: f64 = 3.97;
 /// Directions of a law's values with less than this share of the largest are not reported.
 const MIN_SHARE: f64 = 1e-9;
 

@@ -162,10 +162,19 @@ impl Bench {
 
     /// Adds a mechanism of a size that is drawn: `shape` gives it on each axis.
     pub(super) fn add(&mut self, cause: Cause, shape: Vec<Vec<f64>>, rng: &mut ChaCha8Rng) {
-        let noises = shape.iter().zip(&self.noise).map(|(column, noise)| root_mean_square(column) / noise);
-        let largest = noises.fold(f64::MIN_POSITIVE, f64::max);
-        let size = rng.random_range(TIMES_NOISE) / largest;
+        let size = rng.random_range(TIMES_NOISE) / self.in_noise(&shape);
         self.add_as_it_is(cause, shape.into_iter().map(|axis| axis.iter().map(|x| size * x).collect()).collect());
+    }
+
+    /// Whether a mechanism changes a channel by its noise at least, root mean square.
+    pub(super) fn shows(&self, shape: &[Vec<f64>]) -> bool {
+        self.in_noise(shape) >= 1.0
+    }
+
+    /// Root mean square of the channel that a mechanism changes most, in units of its noise.
+    fn in_noise(&self, shape: &[Vec<f64>]) -> f64 {
+        let noises = shape.iter().zip(&self.noise).map(|(column, noise)| root_mean_square(column) / noise);
+        noises.fold(f64::MIN_POSITIVE, f64::max)
     }
 
     /// Adds a mechanism that has its size already.

@@ -70,11 +70,6 @@ impl Motion {
     }
 }
 
-/// A robot whose base is not level.
-fn placed(robot: &Robot, placement: &Placement) -> Robot {
-    Robot { gravity: placement.gravity(), ..robot.clone() }
-}
-
 /// The experiment of a robot on a fixed base.
 pub(crate) fn experiment(
     data: &Prepared,
@@ -152,10 +147,7 @@ fn of_motion(
     let near = motion.near.as_ref();
     let found = model_effects::merge(known, near.map_or_else(Vec::new, |near| near.effects.clone()));
     let placement = Placement::of(robot, &sites, &found);
-    let (nominal, mut columns) = regressor(robot, motion, rows.len());
-    if !placement.is_as_modelled(robot) {
-        (_, columns) = regressor(&placed(robot, &placement), &motion.placed(&placement), rows.len());
-    }
+    let (nominal, columns) = regressor_at(robot, motion, &placement, rows.len());
     let measured: Vec<f64> = (0..rows.len() * n).map(|k| motion.tau[k % n][k / n]).collect();
     let residuals: Vec<f64> = nominal.iter().zip(&measured).map(|(nominal, measured)| nominal - measured).collect();
     let left = near.map_or(&residuals, |near| &near.residuals);
@@ -329,6 +321,16 @@ fn of_motors(data: &Prepared, transmission: &Transmission, n: usize) -> Result<M
         motion.tau.push(mixed(&|k| transmission.matrix[(k, joint)], &torques));
     }
     Ok(motion)
+}
+
+/// Torques of the model, and the columns of each link's parameters where joints and base are placed so.
+fn regressor_at(robot: &Robot, motion: &Motion, placement: &Placement, rows: usize) -> (Vec<f64>, Vec<[Vec<f64>; 10]>) {
+    let (nominal, columns) = regressor(robot, motion, rows);
+    if placement.is_as_modelled(robot) {
+        return (nominal, columns);
+    }
+    let tilted = Robot { gravity: placement.gravity(), ..robot.clone() };
+    (nominal, regressor(&tilted, &motion.placed(placement), rows).1)
 }
 
 /// Torques of the model, and the columns of each link's parameters: rows × joints.

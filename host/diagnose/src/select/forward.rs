@@ -240,5 +240,6 @@ pub fn rivals<P: RegressionProblem>(
         let as_good = problem.under(best).reduction(&rival, best).p;
         (rival, as_good)
     });
-    Ok(judged.filter(|(_, as_good)| *as_good > RIVAL_LEVEL).map(|(rival, p)| (rival, 1.0 - p)).collect())
+    let level = problem.policy().rival_level;
+    Ok(judged.filter(|(_, as_good)| *as_good > level).map(|(rival, p)| (rival, 1.0 - p)).collect())
 }

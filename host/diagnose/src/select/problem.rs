@@ -24,6 +24,8 @@ pub struct Policy {
     pub exchanges: bool,
     /// Chance to discover any effect, of all that are tried, where there is none.
     pub discovery_level: f64,
+    /// A candidate worse than an effect so that chance is less than this is not its rival.
+    pub rival_level: f64,
 }
 
 /// Which candidate it is: a law at one place, or at several together.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::factored::Factored;
 use super::problem::{CandidateName, Loss, Neighbours, Policy, RegressionProblem, Trial, Under};
 use super::signals::{Fit, Signals, Weighting, in_noise};
-use super::significance::{DISCOVERY_LEVEL, LossReduction, paired_t_test};
+use super::significance::{DISCOVERY_LEVEL, LossReduction, SIGNAL_RIVAL_LEVEL, paired_t_test};
 use crate::progress::Progress;
 
 /// The most effects of one model.
@@ -72,7 +72,13 @@ impl RegressionProblem for Signals {
 
     fn policy(&self) -> Policy {
         let exchanges = self.moves.len() * self.groups.n_folds < MAX_TO_EXCHANGE;
-        Policy { max_effects: MAX_EFFECTS, laws_overlap: true, exchanges, discovery_level: DISCOVERY_LEVEL }
+        Policy {
+            max_effects: MAX_EFFECTS,
+            laws_overlap: true,
+            exchanges,
+            discovery_level: DISCOVERY_LEVEL,
+            rival_level: SIGNAL_RIVAL_LEVEL,
+        }
     }
 
     fn progress(&self) -> &Progress {

@@ -9,7 +9,7 @@ use super::change_point;
 use super::cross_validation::cross_validated;
 use super::problem::{CandidateName, Loss, Neighbours, Policy, RegressionProblem, Trial};
 use super::robust_fit::{Fit, fit, losses};
-use super::significance::{Levels, LossReduction, clustered_t_test};
+use super::significance::{Levels, LossReduction, RIVAL_LEVEL, clustered_t_test};
 use crate::effect::Place;
 use crate::linearise::arm_candidates::{self, beginning};
 use crate::linearise::sensitivity::Sensitivity;
@@ -254,7 +254,13 @@ impl RegressionProblem for ToolPoses {
 
     fn policy(&self) -> Policy {
         let discovery_level = self.levels.discovery;
-        Policy { max_effects: MAX_EFFECTS, laws_overlap: false, exchanges: true, discovery_level }
+        Policy {
+            max_effects: MAX_EFFECTS,
+            laws_overlap: false,
+            exchanges: true,
+            discovery_level,
+            rival_level: RIVAL_LEVEL,
+        }
     }
 
     fn progress(&self) -> &Progress {
