@@ -128,16 +128,38 @@ fn frame<'r>(robot: &'r Robot, link: &str) -> Result<&'r RobotFrame> {
     robot.frame(link).context("a link without a frame")
 }
 
+impl Postures {
+    /// What the weight of the robot is in the frame of a plate that is moved and turned, per m and rad.
+    fn of_plate(&self, postures: &[&Vec<f64>]) -> Result<DMatrix<f64>> {
+        let mut columns = DMatrix::zeros(6 * postures.len(), 6);
+        for (k, q) in postures.iter().enumerate() {
+            let com = self.robot.com(q)?;
+            let [fx, fy, fz, mx, my, mz] = of_point(&self.robot, &com.position).map(|part| com.mass_kg * part);
+            let (force, moment) = (Vec3::new(fx, fy, fz), Vec3::new(mx, my, mz));
+            for axis in 0..3 {
+                let about = Vec3::ith(axis, 1.0);
+                let of_force = -about.cross(&force);
+                columns.fixed_view_mut::<3, 1>(6 * k + 3, axis).copy_from(&of_force);
+                columns.fixed_view_mut::<3, 1>(6 * k, 3 + axis).copy_from(&of_force);
+                columns.fixed_view_mut::<3, 1>(6 * k + 3, 3 + axis).copy_from(&-about.cross(&moment));
+            }
+        }
+        Ok(columns)
+    }
+}
+
 impl Elsewhere for Postures {
-    /// The wrench of 1 kg at the link's frame, and of 1 kg·m along each of its axes; of the plate none.
+    /// The wrench of 1 kg at the link's frame, and of 1 kg·m along each of its axes; of the plate what the robot's own weight
+    /// is where that is moved by 1 m along each axis and turned by 1 rad about each.
     fn columns(&self, law: Law, site: &Site, elsewhere: bool) -> Result<Option<DMatrix<f64>>> {
+        let measured = self.postures.iter().flat_map(|q| std::iter::repeat_n(q, ROWS_PER_POSTURE));
+        let postures: Vec<&Vec<f64>> = if elsewhere { self.elsewhere.iter().collect() } else { measured.collect() };
         let link = match (law, site.place) {
             (Law::MassDistribution, Place::Base) => None,
             (Law::MassDistribution, Place::Link(k)) => Some(frame(&self.robot, &self.robot.joints[k].link)?),
+            (Law::SensorFrame, Place::ForcePlate) => return self.of_plate(&postures).map(Some),
             _ => return Ok(None),
         };
-        let measured = self.postures.iter().flat_map(|q| std::iter::repeat_n(q, ROWS_PER_POSTURE));
-        let postures: Vec<&Vec<f64>> = if elsewhere { self.elsewhere.iter().collect() } else { measured.collect() };
         let mut columns = DMatrix::zeros(6 * postures.len(), VALUES);
         for (k, q) in postures.iter().enumerate() {
             let pose = match link {

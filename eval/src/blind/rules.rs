@@ -90,7 +90,7 @@
 //! - **Refusal**: `not-identifiable` whose sets do not hold the right laws, `too-little-data`, or `partly-explained` and
 //!   `unexplained-structure` with nothing wrong named. It is counted beside the rates and is not right.
 //! - **Indistinct**: `not-identifiable` of signals where the right laws are in the sets, and the others there, fitted to
-//!   what was added without noise beside the other effects in any size, are less than 3.97 noises off it over all rows: a
+//!   what was added without noise beside the other effects with any values, are less than 3.97 noises off it over all rows: a
 //!   test at 1 % finds so much in 19 of 20 logs. Counts from 600000 on; before, 3.29 noises for a test at 5 %, from 500000
 //!   on, and without the other effects.
 //! - **Named rightly**: as above, where the data suffice: in all layouts but the one of 60 to 120 rows, and of arms whose

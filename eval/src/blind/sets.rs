@@ -1,6 +1,7 @@
 //! Sets of effects that rows do not distinguish: whether their members are alike anywhere, or in the rows.
 
 use anyhow::Result;
+use darm_diagnose::effect::{Law, Place, Site};
 use darm_diagnose::measurement::root_mean_square;
 use darm_diagnose::outcome::{Alternative, Diagnosis};
 use nalgebra::{DMatrix, DVector};
@@ -70,9 +71,17 @@ fn are_near(bench: &Bench, added: &Added, members: &[&Alternative], kept: &[bool
         DVector::from_iterator(rows * n_axes, numbers)
     };
     let wanted = shape(added);
-    let others: Vec<DVector<f64>> =
-        bench.added.iter().filter(|other| !std::ptr::eq(*other, added)).map(shape).collect();
     let left_out: Vec<usize> = (0..rows).filter(|row| !counts(*row)).collect();
+    let mut others: Vec<DVector<f64>> = Vec::new();
+    for other in bench.added.iter().filter(|other| !std::ptr::eq(*other, added)) {
+        match of_plate(bench, other)? {
+            None => others.push(shape(other)),
+            Some(columns) => {
+                let columns = in_noise(columns, bench, &left_out);
+                others.extend(columns.column_iter().map(|column| column.into_owned()));
+            }
+        }
+    }
     for other in members.iter().filter(|other| !is_of(other, added)) {
         let Some(columns) =
             bench.elsewhere.as_ref().map(|of| of.columns(other.law, &other.site, false)).transpose()?.flatten()
@@ -90,6 +99,13 @@ fn are_near(bench: &Bench, added: &Added, members: &[&Alternative], kept: &[bool
         }
     }
     Ok(true)
+}
+
+/// The columns of an effect that is one of the plate, which has several values.
+fn of_plate(bench: &Bench, added: &Added) -> Result<Option<DMatrix<f64>>> {
+    let is_plate = matches!(added.cause.named(), Some((_, Place::ForcePlate)));
+    let Some(elsewhere) = bench.elsewhere.as_ref().filter(|_| is_plate) else { return Ok(None) };
+    elsewhere.columns(Law::SensorFrame, &Site::new(Place::ForcePlate, "the plate"), false)
 }
 
 /// Whether members of a set, each fitted to what an effect added, with the noise, add the same elsewhere.
