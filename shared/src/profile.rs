@@ -3,22 +3,24 @@
 //! A table says which output moves which actuator, and within which limits; it may tighten a profile and never widen it.
 //! An output is what feeds one coil: its lines, its limits and, where there is one, the input of its limit switch.
 //!
-//! A profile travels and is stored as a list of [`ProfileRecord`]s in a fixed order: `Start`, the outputs by number, the
-//! servos in their order along the arm, `End`. A board without a profile has [`BUILT_IN`].
+//! A profile travels and is stored as a list of [`ProfileRecord`]s in a fixed order: `Start`, `Board` where it says something
+//! of it, the outputs by number, the servos in their order along the arm, `End`. A board without a profile has [`BUILT_IN`].
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::arithmetic_side_effects, clippy::unwrap_used))]
 
+mod error;
 mod mismatch;
-
-use core::fmt;
+mod pins;
 
 use serde::{Deserialize, Serialize};
 
 use crate::output::{
-    Coil, CoilLimit, Drive, InputUse, LineUse, MAX_COILS, MAX_SERVOS, ServoWiring, SwitchLimit, Wiring, WiringError,
-    check_servos, check_supply, input_bit,
+    Coil, CoilLimit, Drive, InputUse, LineUse, MAX_COILS, MAX_LINES, MAX_SERVOS, ServoWiring, SwitchLimit, Wiring,
+    WiringError, check_servos, check_supply, input_bit,
 };
 use crate::units::Digest;
+pub use error::{ProfileError, Shortage};
 pub use mismatch::Mismatch;
+pub use pins::{B_L475E_IOT01A, PICO, PIN_TABLES, PinTable};
 
 /// One output of the board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -66,6 +68,41 @@ impl EmergencyStop {
     }
 }
 
+/// Lines of a 74HC595.
+pub const LINES_PER_CHIP: u8 = 8;
+/// Most chips of an output chain.
+pub const MAX_CHIPS: u8 = MAX_LINES as u8 / LINES_PER_CHIP;
+
+/// The board and the chain that the wiring is made for; `None` where the profile does not say.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct BoardWiring {
+    /// Chips of the output chain.
+    pub chips: Option<u8>,
+    /// The board with its pins: [`PinTable::layout`].
+    pub layout: Option<u32>,
+}
+
+impl BoardWiring {
+    /// Says nothing.
+    pub const ANY: Self = Self { chips: None, layout: None };
+
+    /// Refuses a length that no chain has.
+    fn check(&self) -> Result<(), ProfileError> {
+        match self.chips {
+            Some(chips) if !(1..=MAX_CHIPS).contains(&chips) => Err(ProfileError::ChainLength { chips }),
+            Some(_) | None => Ok(()),
+        }
+    }
+
+    /// Refuses an output beyond the end of the chain.
+    fn check_drive(&self, drive: &Drive) -> Result<(), ProfileError> {
+        let Some(chips) = self.chips else { return Ok(()) };
+        let (first, second) = drive.lines();
+        let beyond = [Some(first), second].into_iter().flatten().find(|line| line / LINES_PER_CHIP >= chips);
+        beyond.map_or(Ok(()), |line| Err(ProfileError::ChainLine { line, chips }))
+    }
+}
+
 /// Everything that is wired to one board.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Profile {
@@ -77,6 +114,8 @@ pub struct Profile {
     pub supply: SwitchLimit,
     /// The input that latches the safe state.
     pub emergency_stop: Option<EmergencyStop>,
+    /// The board and the chain that this is made for.
+    pub board: BoardWiring,
     /// SHA-256 of its records as they are stored; zeros for [`BUILT_IN`].
     pub digest: Digest,
 }
@@ -98,15 +137,19 @@ impl Profile {
             outputs[number] = Some(Output { drive: Drive::Hold { line: number as u8 }, limit, input: None });
             number += 1;
         }
-        let supply = SwitchLimit { new_coils: 1, window_ms: 10 };
-        Self { outputs, servos: heapless::Vec::new(), supply, emergency_stop: None, digest: Digest([0; 32]) }
+        Self::with_outputs(outputs)
     }
 
     /// Nothing wired, to be filled by a [`ProfileReader`].
     pub const fn empty() -> Self {
+        Self::with_outputs([None; MAX_COILS])
+    }
+
+    /// One output at a time, and nothing else.
+    const fn with_outputs(outputs: [Option<Output>; MAX_COILS]) -> Self {
         let supply = SwitchLimit { new_coils: 1, window_ms: 10 };
-        let outputs = [None; MAX_COILS];
-        Self { outputs, servos: heapless::Vec::new(), supply, emergency_stop: None, digest: Digest([0; 32]) }
+        let (board, digest) = (BoardWiring::ANY, Digest([0; 32]));
+        Self { outputs, servos: heapless::Vec::new(), supply, emergency_stop: None, board, digest }
     }
 
     /// The profile that allows just this wiring.
@@ -140,7 +183,8 @@ impl Profile {
             .zip(&self.outputs)
             .filter_map(|(number, output)| output.map(|output| ProfileRecord::Output { number, output }));
         let servos = self.servos.iter().map(|servo| ProfileRecord::Servo(*servo));
-        core::iter::once(start).chain(outputs).chain(servos).chain([ProfileRecord::End])
+        let board = Some(self.board).filter(|board| *board != BoardWiring::ANY).map(ProfileRecord::Board);
+        core::iter::once(start).chain(board).chain(outputs).chain(servos).chain([ProfileRecord::End])
     }
 
     /// Refuses a profile that the board could not run safely.
@@ -148,7 +192,10 @@ impl Profile {
     /// # Errors
     ///
     /// [`ProfileError::Wiring`]: a line or input is missing or used twice, or a limit bounds nothing.
+    /// [`ProfileError::ChainLength`], [`ProfileError::ChainLine`]: the chain has no such length, or ends before a line.
     pub fn check(&self) -> Result<(), ProfileError> {
+        self.board.check()?;
+        self.outputs.iter().flatten().try_for_each(|output| self.board.check_drive(&output.drive))?;
         self.check_as_wiring().map_err(ProfileError::Wiring)
     }
 
@@ -239,6 +286,8 @@ pub enum ProfileRecord {
     Servo(Servo),
     /// Last record.
     End,
+    /// Behind `Start`: the board and the chain. Firmware from before this record refuses it.
+    Board(BoardWiring),
 }
 
 /// Fills a [`Profile`] from its records. Nothing of an incomplete profile can be taken.
@@ -270,6 +319,10 @@ impl ProfileReader {
                 *profile = Profile { supply: *supply, emergency_stop: *emergency_stop, ..Profile::empty() };
                 Self::Open { next: Some(0) }
             }
+            (Self::Open { next: Some(0) }, ProfileRecord::Board(board)) if profile.board == BoardWiring::ANY => {
+                profile.board = *board;
+                Self::Open { next: Some(0) }
+            }
             (Self::Open { next: Some(next) }, ProfileRecord::Output { number, output }) if *number >= next => {
                 let too_many = ProfileError::Wiring(WiringError::TooMany);
                 *profile.outputs.get_mut(usize::from(*number)).ok_or(too_many)? = Some(*output);
@@ -293,66 +346,6 @@ impl ProfileReader {
         matches!(self, Self::Complete)
     }
 }
-
-/// Why a profile is refused.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub enum ProfileError {
-    /// A record is out of order, or the last one is missing.
-    Order,
-    /// The bytes are not a record.
-    Malformed,
-    /// The board cannot run it safely.
-    Wiring(WiringError),
-    /// It wires what the board does not have.
-    Board(Shortage),
-}
-
-/// What a profile wires and the board does not have.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Shortage {
-    /// An output line.
-    Line {
-        /// Its number.
-        line: u8,
-        /// Lines of the board, numbered from 0.
-        lines: u8,
-    },
-    /// An input.
-    Input {
-        /// Its number.
-        input: u8,
-        /// Inputs of the board, numbered from 0.
-        inputs: u8,
-    },
-    /// More servos than the bus carries.
-    Servos {
-        /// Servos that it carries.
-        servos: u8,
-    },
-}
-
-impl fmt::Display for Shortage {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Line { line, lines } => write!(f, "line {line} is wired, and the board has {lines} lines"),
-            Self::Input { input, inputs } => write!(f, "input {input} is wired, and the board has {inputs} inputs"),
-            Self::Servos { servos } => write!(f, "the bus of the board carries {servos} servos"),
-        }
-    }
-}
-
-impl fmt::Display for ProfileError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Order => f.write_str("a record of the profile is out of order or missing"),
-            Self::Malformed => f.write_str("the bytes are not a profile"),
-            Self::Wiring(error) => error.fmt(f),
-            Self::Board(shortage) => shortage.fmt(f),
-        }
-    }
-}
-
-impl core::error::Error for ProfileError {}
 
 #[cfg(test)]
 mod tests;

@@ -1,7 +1,9 @@
 //! The board's profile: who may write it, what it refuses, how outputs recover under it.
 
 use darm_core::output::{Drive, SwitchLimit};
-use darm_core::profile::{BUILT_IN, Mismatch, Output, Profile, ProfileError, Shortage};
+use darm_core::profile::{
+    B_L475E_IOT01A, BUILT_IN, BoardWiring, Mismatch, Output, PICO, PinTable, Profile, ProfileError, Shortage,
+};
 use darm_core::sequencer::{Command, CommandError};
 use darm_core::table::TableError;
 use darm_core::wire::bootstrap;
@@ -119,6 +121,28 @@ fn a_profile_of_a_larger_board_is_refused_and_drives_nothing() {
     assert_eq!(hello(&bench).profile, profile_image(&profile()).0.digest);
     short(&bench, 64);
     assert_eq!(bench.upload(&profile_image(&larger)), Ok(Answer::Done));
+}
+
+#[test]
+fn a_profile_for_other_pins_or_for_a_longer_chain_is_refused_and_drives_nothing() {
+    let bench = Bench::new(Cells::with_profile());
+    bench.connect();
+    bench.button.set(true);
+    let become_pico = |bench: &Bench, lines| {
+        let mut dispatcher = bench.dispatcher.borrow_mut();
+        let caps = &mut dispatcher.as_mut().unwrap().board.caps;
+        (caps.lines, caps.board) = (lines, "Pico".try_into().unwrap());
+    };
+    let refused = |shortage| Err(Refusal::Profile(ProfileError::Board(shortage)));
+    let made_for = |chips, table: &PinTable| {
+        profile_image(&Profile { board: BoardWiring { chips, layout: Some(table.layout()) }, ..profile() })
+    };
+    assert_eq!(bench.upload(&made_for(None, &PICO)), refused(Shortage::Pins), "no board with known pins");
+    become_pico(&bench, 16);
+    assert_eq!(bench.upload(&made_for(None, &B_L475E_IOT01A)), refused(Shortage::Pins));
+    assert_eq!(bench.upload(&made_for(Some(3), &PICO)), refused(Shortage::Chips { chips: 3, lines: 16 }));
+    assert_eq!(hello(&bench).profile, profile_image(&profile()).0.digest);
+    assert_eq!(bench.upload(&made_for(Some(2), &PICO)), Ok(Answer::Done));
 }
 
 #[test]

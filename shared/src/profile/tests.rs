@@ -14,6 +14,7 @@ fn profile() -> Profile {
         ServoWiring { id: 1, min_rad: -1.0, max_rad: 1.0, max_speed_rad_s: 1.0, max_torque: 0.5, timeout_ms: 100 };
     profile.servos.push(Servo { limit, fallback: Fallback::Release }).expect("one fits");
     profile.emergency_stop = Some(EmergencyStop { input: 12, opens: true });
+    profile.board = BoardWiring { chips: Some(2), layout: Some(PICO.layout()) };
     profile
 }
 
@@ -27,7 +28,7 @@ fn read(records: &[ProfileRecord]) -> Result<Profile, ProfileError> {
 fn a_profile_and_its_records_are_inverse() {
     let records: Vec<_> = profile().records().collect();
     assert_eq!(read(&records), Ok(profile()));
-    assert_eq!(records.len(), 5);
+    assert_eq!(records.len(), 6);
     let mut bytes = [0; 64];
     assert!(records.iter().all(|record| postcard::to_slice(record, &mut bytes).is_ok()));
 }
@@ -38,12 +39,20 @@ fn records_out_of_order_and_incomplete_profiles_are_refused() {
     for missing in 0..records.len() {
         let mut some = records.clone();
         some.remove(missing);
-        let dropped = matches!(records[missing], ProfileRecord::Output { .. } | ProfileRecord::Servo(_));
-        assert_eq!(read(&some).is_ok(), dropped, "without record {missing}");
+        let required = [
+            ProfileRecord::Start { supply: profile().supply, emergency_stop: profile().emergency_stop },
+            ProfileRecord::End,
+        ];
+        assert_eq!(read(&some).is_ok(), !required.contains(&records[missing]), "without record {missing}");
     }
-    let mut swapped = records.clone();
-    swapped.swap(1, 2);
-    assert_eq!(read(&swapped), Err(ProfileError::Order));
+    for first in [1, 2] {
+        let mut swapped = records.clone();
+        swapped.swap(first, first + 1);
+        assert_eq!(read(&swapped), Err(ProfileError::Order));
+    }
+    let mut twice = records.clone();
+    twice.insert(1, records[1]);
+    assert_eq!(read(&twice), Err(ProfileError::Order));
 }
 
 #[test]
@@ -81,4 +90,23 @@ fn what_the_board_cannot_run_safely_is_refused() {
 fn a_broken_wire_to_the_emergency_stop_stops_too() {
     let stop = EmergencyStop { input: 12, opens: true };
     assert!(stop.is_pressed(0) && !stop.is_pressed(1 << 12));
+}
+
+#[test]
+fn the_record_of_the_board_has_golden_bytes_and_a_profile_without_it_has_the_former_ones() {
+    let mut bytes = [0; 16];
+    let record = ProfileRecord::Board(BoardWiring { chips: Some(2), layout: Some(300) });
+    assert_eq!(postcard::to_slice(&record, &mut bytes).unwrap(), [4, 1, 2, 1, 0xac, 2]);
+    assert_eq!(postcard::from_bytes::<ProfileRecord>(&[4, 1, 2, 1, 0xac, 2]), Ok(record));
+    let former = Profile { board: BoardWiring::ANY, ..profile() };
+    assert!(former.records().all(|record| !matches!(record, ProfileRecord::Board(_))));
+}
+
+#[test]
+fn a_chain_has_one_to_eight_chips_and_no_line_beyond_its_end() {
+    let with = |chips| Profile { board: BoardWiring { chips: Some(chips), layout: None }, ..profile() }.check();
+    assert_eq!(with(0), Err(ProfileError::ChainLength { chips: 0 }));
+    assert_eq!(with(1), Err(ProfileError::ChainLine { line: 9, chips: 1 }));
+    assert_eq!((with(2), with(8)), (Ok(()), Ok(())));
+    assert_eq!(with(9), Err(ProfileError::ChainLength { chips: 9 }));
 }

@@ -5,7 +5,7 @@ use core::fmt;
 use serde::{Deserialize, Serialize};
 
 use crate::output::{MAX_INPUTS, MAX_LINES, MAX_SERVOS};
-use crate::profile::{Profile, ProfileError, Shortage};
+use crate::profile::{LINES_PER_CHIP, PinTable, Profile, ProfileError, Shortage};
 
 /// Longest name of a board, in bytes.
 pub const MAX_NAME: usize = 16;
@@ -48,9 +48,20 @@ impl Caps {
     /// Refuses a profile that wires what the board does not have.
     ///
     /// # Errors
-    /// With the first line, input or servo beyond the board's.
+    /// With the first line, input or servo beyond the board's; or the profile is made for a chain of another length, or for
+    /// other pins. A board that has as many lines as the firmware supports may not have counted them: it accepts less.
     pub fn check(&self, profile: &Profile) -> Result<(), ProfileError> {
         let missing = |shortage| Err(ProfileError::Board(shortage));
+        let own = PinTable::of_board(&self.board).map(PinTable::layout);
+        if profile.board.layout.is_some_and(|layout| Some(layout) != own) {
+            return missing(Shortage::Pins);
+        }
+        let is_counted = usize::from(self.lines) < MAX_LINES;
+        if let Some(chips) =
+            profile.board.chips.filter(|chips| is_counted && chips.saturating_mul(LINES_PER_CHIP) != self.lines)
+        {
+            return missing(Shortage::Chips { chips, lines: self.lines });
+        }
         if let Some(stop) = profile.emergency_stop.filter(|stop| stop.input >= self.inputs) {
             return missing(Shortage::Input { input: stop.input, inputs: self.inputs });
         }
@@ -74,7 +85,9 @@ impl Caps {
 mod tests {
     use super::{BuildId, Caps};
     use crate::output::Drive;
-    use crate::profile::{BUILT_IN, EmergencyStop, Output, Profile, ProfileError, Shortage};
+    use crate::profile::{
+        B_L475E_IOT01A, BUILT_IN, BoardWiring, EmergencyStop, Output, PICO, Profile, ProfileError, Shortage,
+    };
 
     fn caps() -> Caps {
         Caps {
@@ -110,5 +123,21 @@ mod tests {
         profile.outputs[0] = Some(Output { input: Some(7), ..output });
         profile.emergency_stop = Some(EmergencyStop { input: 9, opens: true });
         assert_eq!(caps().check(&profile), Err(ProfileError::Board(Shortage::Input { input: 9, inputs: 8 })));
+    }
+
+    #[test]
+    fn a_profile_for_other_pins_or_for_a_chain_of_another_length_is_refused() {
+        let with = |chips, layout| Profile { board: BoardWiring { chips, layout }, ..Profile::empty() };
+        let pico = Caps { board: "Pico".try_into().unwrap(), ..caps() };
+        assert_eq!(pico.check(&with(Some(2), Some(PICO.layout()))), Ok(()));
+        for chips in [1, 3] {
+            let found = pico.check(&with(Some(chips), None));
+            assert_eq!(found, Err(ProfileError::Board(Shortage::Chips { chips, lines: 16 })));
+        }
+        let uncounted = Caps { lines: 64, ..pico.clone() };
+        assert_eq!(uncounted.check(&with(Some(3), None)), Ok(()));
+        for (caps, layout) in [(&pico, B_L475E_IOT01A.layout()), (&caps(), PICO.layout())] {
+            assert_eq!(caps.check(&with(None, Some(layout))), Err(ProfileError::Board(Shortage::Pins)));
+        }
     }
 }

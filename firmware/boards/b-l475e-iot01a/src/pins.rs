@@ -70,3 +70,26 @@ pub const SWITCHES: [Pin; 13] = [
     pin(GPIOB, 9),  // D14
     pin(GPIOD, 14), // D2
 ];
+
+#[cfg(test)]
+mod tests {
+    use darm_core::profile::B_L475E_IOT01A;
+
+    use super::*;
+
+    /// As printed in the reference manual: `PA7`. The ports lie 0x400 apart (RM0351, 2.2.2).
+    fn name(pin: Pin) -> String {
+        let port = (pin.port.as_ptr() as usize - GPIOA.as_ptr() as usize) / 0x400;
+        format!("P{}{}", char::from(b'A' + port as u8), pin.index)
+    }
+
+    #[test]
+    fn a_host_knows_the_pins_that_the_firmware_drives() {
+        let table = &B_L475E_IOT01A;
+        let expected = [table.data, table.clock, table.latch, table.enable];
+        assert_eq!(CHAIN.map(name), expected);
+        let others = [table.far_end, table.servo_bus, table.button];
+        assert_eq!([CHAIN_END, SERVO_BUS, USER_BUTTON].map(name), others);
+        assert_eq!(SWITCHES.map(name), table.inputs);
+    }
+}

@@ -11,6 +11,7 @@
 //! After a reset every pin has a pull-down: output enable needs an external pull-up of 4.7 kΩ or less to hold the outputs
 //! off until [`super::chain`] takes over.
 
+use darm_core::profile::PICO;
 use darm_core::units::{DeviceId, Micros};
 use darm_core::wire::bootstrap::RebootTarget;
 use darm_core::wire::health::Health;
@@ -33,6 +34,30 @@ const INPUTS: usize = 13;
 const JUMPER: usize = 22;
 /// Output enable of the chain, active low.
 pub(crate) const ENABLE: usize = 5;
+
+/// The number in the name of a pin, `GP5`.
+const fn number(name: &str) -> usize {
+    let [b'G', b'P', digits @ ..] = name.as_bytes() else { panic!("a pin is named GP and its number") };
+    let (mut number, mut index) = (0, 0);
+    while index < digits.len() {
+        number = 10 * number + (digits[index] - b'0') as usize;
+        index += 1;
+    }
+    number
+}
+
+/// A host knows the pins that this firmware drives.
+const _: () = {
+    assert!(PICO.inputs.len() == INPUTS);
+    let mut input = 0;
+    while input < INPUTS {
+        assert!(number(PICO.inputs[input]) == FIRST_INPUT + input);
+        input += 1;
+    }
+    // Those of the chain and of the bus are types of the hardware layer: `main` takes PIN_2 to PIN_5 and PIN_0.
+    assert!(number(PICO.enable) == ENABLE && number(PICO.button) == JUMPER && number(PICO.servo_bus) == 0);
+    assert!(number(PICO.data) == 2 && number(PICO.clock) == 3 && number(PICO.latch) == 4);
+};
 
 /// Start-up code neither clears nor fills this section.
 #[unsafe(link_section = ".uninit.KEPT")]

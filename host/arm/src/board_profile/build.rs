@@ -4,7 +4,9 @@ use darm_core::output::{CoilLimit, Drive, ServoWiring, SwitchLimit, WiringError}
 use darm_core::profile::{EmergencyStop, Fallback, Output, Profile, ProfileError, Servo};
 use toml::Spanned;
 
+use super::fault::At;
 use super::raw::{RawDrive, RawEmergencyStop, RawFallback, RawOutput, RawProfile, RawServo, RawSupply};
+use super::wired_board::board_wiring;
 use super::{BoardProfile, FORMAT, ProfileFault};
 use crate::arm::ZERO_CELSIUS;
 
@@ -12,9 +14,6 @@ use crate::arm::ZERO_CELSIUS;
 const AMBIENT_C: f64 = 25.0;
 /// Temperature up to which the duty is rated, °C, where a file does not say.
 const RATED_C: f64 = 40.0;
-
-/// What is wrong, and where in the file.
-type At = (std::ops::Range<usize>, ProfileFault);
 
 /// The profile that the keys describe, checked part by part.
 pub(super) fn build(raw: &RawProfile) -> Result<BoardProfile, At> {
@@ -30,6 +29,8 @@ pub(super) fn build(raw: &RawProfile) -> Result<BoardProfile, At> {
         EmergencyStop { input, opens }
     });
     check(&profile, raw.emergency_stop.as_ref().map_or(raw.supply.span(), Spanned::span))?;
+    profile.board = board_wiring(raw)?;
+    check(&profile, raw.chain.as_ref().map_or(raw.supply.span(), |chain| chain.chips.span()))?;
     for spanned in &raw.output {
         let number = spanned.get_ref().number;
         match profile.outputs.get_mut(usize::from(number)) {

@@ -4,6 +4,9 @@ use darm_core::profile::ProfileError;
 
 use super::FORMAT;
 
+/// What is wrong, and where in the file.
+pub(super) type At = (std::ops::Range<usize>, ProfileFault);
+
 /// Why a profile file is refused.
 #[derive(Debug, thiserror::Error)]
 pub enum ProfileFault {
@@ -63,6 +66,39 @@ pub enum ProfileFault {
         ambient_c: f64,
         /// Temperature up to which the duty is rated.
         rated_c: f64,
+    },
+    /// A board whose pins are not known.
+    #[error("board {found:?} is not known; give one of {known}, or remove `board` and [pins]")]
+    Board {
+        /// The name in the file.
+        found: String,
+        /// The names that are known.
+        known: String,
+    },
+    /// Pins of no board.
+    #[error("[pins] without `board` cannot be checked; add `board`, or remove [pins]")]
+    PinsWithoutBoard,
+    /// A function that the board does not have.
+    #[error("{board} has no pin for `{key}`; the functions of its pins are {known}")]
+    PinFunction {
+        /// The key.
+        key: String,
+        /// The board.
+        board: &'static str,
+        /// Its functions.
+        known: String,
+    },
+    /// The function is at another pin.
+    #[error("`{key}` is at {found}, and the firmware of {board} has it at {fixed}; move the wire, and correct `{key}`")]
+    Pin {
+        /// The key.
+        key: String,
+        /// The board.
+        board: &'static str,
+        /// The pin in the file.
+        found: String,
+        /// The pin of the board.
+        fixed: String,
     },
     /// The board could not run it safely.
     #[error("{0}")]

@@ -7,6 +7,15 @@
 //! rated_c = 40.0                   # up to which the duty is rated, 40 where left out
 //! derate_percent_per_k = 2.0       # by which every duty is reduced above it; needed where `ambient_c` is above `rated_c`
 //!
+//! board = "Pico"                   # optional: the board, whose pins the wiring relies on
+//!
+//! [chain]
+//! chips = 2                        # optional: 74HC595 in the output chain, 1 to 8
+//!
+//! [pins]                           # optional: pins that the wiring relies on, compared with those of the board
+//! enable = "GP5"
+//! inputs = ["GP6", "GP7"]
+//!
 //! [supply]
 //! new_outputs = 6                  # at most this many are switched on
 //! window_ms = 10                   # within this time
@@ -53,6 +62,7 @@ mod edit;
 mod fault;
 mod first;
 mod raw;
+mod wired_board;
 mod write;
 
 use std::path::Path;

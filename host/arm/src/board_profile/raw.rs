@@ -1,5 +1,7 @@
 //! The keys of a profile's file, as they are read.
 
+use std::collections::BTreeMap;
+
 use serde::Deserialize;
 use toml::Spanned;
 
@@ -13,6 +15,10 @@ pub(super) struct RawProfile {
     pub(super) derate_percent_per_k: Option<Spanned<f64>>,
     pub(super) supply: Spanned<RawSupply>,
     pub(super) emergency_stop: Option<Spanned<RawEmergencyStop>>,
+    pub(super) board: Option<Spanned<String>>,
+    pub(super) chain: Option<RawChain>,
+    #[serde(default)]
+    pub(super) pins: BTreeMap<String, Spanned<RawPins>>,
     #[serde(default)]
     pub(super) output: Vec<Spanned<RawOutput>>,
     #[serde(default)]
@@ -24,6 +30,20 @@ pub(super) struct RawProfile {
 pub(super) struct RawSupply {
     pub(super) new_outputs: u8,
     pub(super) window_ms: u16,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawChain {
+    pub(super) chips: Spanned<u8>,
+}
+
+/// The pin of a function, or those of the inputs in order.
+#[derive(Deserialize)]
+#[serde(untagged)]
+pub(super) enum RawPins {
+    One(String),
+    Several(Vec<String>),
 }
 
 #[derive(Deserialize)]

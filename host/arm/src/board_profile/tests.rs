@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::{BoardProfile, ProfileFault};
+use darm_core::profile::{BoardWiring, PICO};
 use darm_robot::source::{Fault, FileError};
 
 fn read(text: &str) -> Result<BoardProfile, FileError<ProfileFault>> {
@@ -67,4 +68,27 @@ fn keys_and_temperatures_without_effect_are_refused_at_their_place() {
         assert!(error.starts_with(&format!("profile.toml:{expected}")), "{error}\n{text}");
     }
     assert!(read(&with_output("ambient_c = 60.0\nderate_percent_per_k = 0.0")).is_ok());
+}
+
+#[test]
+fn the_board_its_pins_and_the_length_of_the_chain_are_checked_at_their_place() {
+    let text = |keys: &str| with_output(keys);
+    let pins = |line: &str| text(&format!("board = \"Pico\"\n[chain]\nchips = 1\n[pins]\n{line}"));
+    let read_back = |text: &str| read(&read(text).unwrap().to_toml()).unwrap().profile.board;
+    let wired = BoardWiring { chips: Some(1), layout: Some(PICO.layout()) };
+    assert_eq!(read_back(&pins("latch = \"GP4\"\ninputs = [\"GP6\", \"GP7\"]")), wired);
+    assert_eq!(read_back(&text("")), BoardWiring::ANY);
+    let cases = [
+        (text("board = \"pico\""), "4:9: board \"pico\" is not known; give one of B-L475E-IOT01A, Pico"),
+        (text("[pins]\nlatch = \"GP4\""), "5:9: [pins] without `board`"),
+        (pins("latch = \"GP7\""), "8:9: `latch` is at GP7, and the firmware of Pico has it at GP4; move the wire"),
+        (pins("far_end = \"GP7\""), "8:11: Pico has no pin for `far_end`; the functions of its pins are data, clock"),
+        (pins("inputs = [\"GP7\"]"), "8:10: `inputs` is at GP7, and the firmware of Pico has it at GP6, GP7,"),
+        (text("[chain]\nchips = 0"), "5:9: a chain of 0 chips is not possible; give 1 to 8"),
+        (text("[chain]\nchips = 1").replace("line = 0", "line = 8"), "6:1: line 8 is wired, and a chain of 1 chips"),
+    ];
+    for (text, expected) in cases {
+        let error = read(&text).unwrap_err().to_string();
+        assert!(error.starts_with(&format!("profile.toml:{expected}")), "{error}\n{text}");
+    }
 }

@@ -3,16 +3,22 @@
 use std::fmt::Write as _;
 
 use darm_core::output::{CoilLimit, Drive, ServoWiring};
-use darm_core::profile::{EmergencyStop, Fallback, Output, Profile, Servo};
+use darm_core::profile::{EmergencyStop, Fallback, Output, PinTable, Profile, Servo};
 
 use super::{BoardProfile, FORMAT};
 
 pub(super) fn write_profile(w: &mut String, board: &BoardProfile) -> std::fmt::Result {
-    let Profile { supply, emergency_stop, .. } = &board.profile;
+    let Profile { supply, emergency_stop, board: wired, .. } = &board.profile;
     writeln!(w, "# Board profile: what is wired, and the limits that no table can exceed.")?;
     writeln!(w, "# Stored on the board by `darm profile write`, while its user button is held.\n")?;
-    writeln!(w, "format = {FORMAT}\nname = {:?}\n", board.name)?;
-    writeln!(w, "[supply]\nnew_outputs = {}\nwindow_ms = {}", supply.new_coils, supply.window_ms)?;
+    writeln!(w, "format = {FORMAT}\nname = {:?}", board.name)?;
+    if let Some(table) = wired.layout.and_then(PinTable::of_layout) {
+        writeln!(w, "board = {:?}", table.board)?;
+    }
+    if let Some(chips) = wired.chips {
+        writeln!(w, "\n[chain]\nchips = {chips}")?;
+    }
+    writeln!(w, "\n[supply]\nnew_outputs = {}\nwindow_ms = {}", supply.new_coils, supply.window_ms)?;
     if let Some(EmergencyStop { input, opens }) = emergency_stop {
         writeln!(w, "\n[emergency_stop]\ninput = {input}\nopens = {opens}")?;
     }
