@@ -39,6 +39,10 @@ pub(crate) struct Job {
     /// its longest control tick, stack, sizes and upload rate too
     #[arg(long, value_name = "COUNT")]
     pico: Option<u64>,
+    /// Cut the power this many times within an operation of the flash of the B-L475E-IOT01A, while its driver stores on a model of
+    /// the controller: QEMU has none
+    #[arg(long, value_name = "COUNT")]
+    store: Option<u64>,
     /// Kill `darm serve` this many times while tables are played, and look whether its history has every run that ended
     #[arg(long, value_name = "COUNT")]
     serve: Option<u64>,
@@ -83,6 +87,13 @@ const PICO: Injection = Injection {
     batch: u64::MAX,
 };
 
+const STORE: Injection = Injection {
+    name: "store",
+    arguments: &["--package", "darm-b-l475e-iot01a", "--lib", "store_cuts"],
+    variable: "DARM_STORE_CUTS",
+    batch: 500,
+};
+
 const SERVE: Injection = Injection {
     name: "serve",
     arguments: &["--package", "darm", "--test", "cli", "serve_kills"],
@@ -117,7 +128,7 @@ impl Faults {
     pub(crate) fn run(&self) -> Result<()> {
         if self.job.parts().is_empty() {
             bail!(
-                "nothing to do: give --kills, --frames, --stops, --pico or --serve, each with a COUNT, or --page SECONDS"
+                "nothing to do: give --kills, --frames, --stops, --pico, --store or --serve, each with a COUNT, or --page SECONDS"
             );
         }
         items::run(&self.job, &self.spread)
@@ -131,6 +142,7 @@ impl Job {
             (&FRAMES, self.frames),
             (&STOPS, self.stops),
             (&PICO, self.pico),
+            (&STORE, self.store),
             (&SERVE, self.serve),
             (&PAGE, self.page),
         ];
@@ -237,7 +249,8 @@ mod tests {
 
     use super::{Job, Row, row};
 
-    const JOB: Job = Job { kills: Some(120), frames: None, stops: Some(20), pico: None, serve: Some(60), page: None };
+    const JOB: Job =
+        Job { kills: Some(120), frames: None, stops: Some(20), pico: None, store: None, serve: Some(60), page: None };
 
     #[test]
     fn faults_are_split_into_seeded_parts_that_add_up() {

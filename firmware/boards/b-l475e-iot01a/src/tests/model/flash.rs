@@ -3,7 +3,11 @@
 //! The code runs from bank 1. What would stop it, and with it the control tick, counts as forbidden: an access to a bank
 //! that is erased or programmed stalls the bus until the end (3.3.8).
 
+mod power;
+
 use std::collections::BTreeMap;
+
+use power::Power;
 
 /// First byte of each bank, and bytes of a bank and a page (3.3.1).
 const BANK_1: usize = 0x0800_0000;
@@ -84,6 +88,7 @@ pub(crate) struct Flash {
     pub(crate) next_errors: u32,
     /// The next operation never ends.
     pub(crate) hangs: bool,
+    power: Power,
     now_ns: u64,
 }
 
@@ -112,6 +117,7 @@ impl Flash {
             nmis: 0,
             next_errors: 0,
             hangs: false,
+            power: Power::On,
             now_ns: 0,
         }
     }
@@ -144,6 +150,10 @@ impl Flash {
     }
 
     fn finish(&mut self) {
+        if !self.has_power() {
+            self.operation = None;
+            return self.fail(OPERR | PGSERR);
+        }
         let errors = core::mem::take(&mut self.next_errors);
         match self.operation.take() {
             Some(_) if errors != 0 => self.fail(errors),
