@@ -141,6 +141,18 @@ mod tests {
         assert_eq!(times(&strokes), [(1, 0, 1, 30), (1, 1, 1, 40), (2, 0, 0, 2), (2, 1, 0, 33)]);
     }
 
+    /// It opens in the state that it is in: leaving and arriving have a time each, as of a switch that closes there.
+    #[test]
+    fn both_directions_of_a_normally_closed_switch_have_a_time() {
+        let actuators = [actuator(0, 0b01), actuator(1, 0b10)];
+        let rows = [row(0, 100, "00"), row(1, 200, "11"), row(2, 300, "00"), row(3, 400, "11")];
+        // The first tick of the board sees input 0 closed.
+        let inputs =
+            history(&[(0, &[(0, 0b01), (203, 0b00), (240, 0b10), (304, 0b00), (335, 0b01), (402, 0b00), (441, 0b10)])]);
+        let expected = [(1, 0, 1, 3), (1, 1, 1, 40), (2, 0, 0, 35), (2, 1, 0, 4), (3, 0, 1, 2), (3, 1, 1, 41)];
+        assert_eq!(times(&stroke_times(&actuators, &rows, &inputs)), expected);
+    }
+
     #[test]
     fn a_stroke_over_lost_changes_or_into_the_next_one_has_no_time() {
         let actuators = [actuator(0, 0b10)];

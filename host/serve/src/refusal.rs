@@ -95,6 +95,7 @@ impl From<ClientError> for Refused {
             ClientError::Transport(_) | ClientError::Frame(_) => (Kind::Link, Place::default()),
             ClientError::Refused(Refusal::Command(CommandError::Stopped)) => (Kind::Stopped, Place::default()),
             ClientError::Refused(refusal) => (Kind::Refused, of_refusal(refusal)),
+            ClientError::NoReboot(_) => (Kind::Refused, Place::default()),
         };
         Self { kind, text: error.to_string(), place }
     }
@@ -166,7 +167,9 @@ pub fn of_fault(fault: &FaultKind) -> Place {
         | FaultKind::ServoError { servo, .. }
         | FaultKind::ServoTorque { servo, .. }
         | FaultKind::ServoRange { servo, .. } => Place { servo: Some(servo), ..Place::default() },
-        FaultKind::TooManyCoils | FaultKind::EmergencyStop | FaultKind::Chain => Place::default(),
+        FaultKind::TooManyCoils | FaultKind::EmergencyStop | FaultKind::Chain | FaultKind::OutputEnable => {
+            Place::default()
+        }
     }
 }
 

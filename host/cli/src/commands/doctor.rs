@@ -97,6 +97,7 @@ impl Check {
                 error.to_string(),
                 "check cable and line speed; update the firmware with `darm flash`",
             ),
+            ClientError::NoReboot(_) => Self::wrong(name, error.to_string(), "`darm stop`, then `darm doctor` again"),
             ClientError::Refused(refusal) => {
                 Self::wrong(name, format!("the board refused: {refusal}"), "`darm status` shows the state of the board")
             }

@@ -1,6 +1,7 @@
 //! Why a request came to nothing. Three failures, three types: the bytes did not arrive; a frame is not valid; the board
 //! understood and refused.
 
+use darm_core::wire::bootstrap::RebootTarget;
 use darm_core::wire::frame::FrameError;
 use darm_core::wire::message::Refusal;
 
@@ -18,6 +19,19 @@ pub enum ClientError {
     /// The board understood and refused.
     #[error("the board refused: {0}")]
     Refused(Refusal),
+    /// The board understood and does not restart; the answer of the bootstrap set has no reason.
+    #[error("the board refused to restart{}", no_reboot(.0))]
+    NoReboot(RebootTarget),
+}
+
+/// Why a board may refuse a restart, and what to do.
+fn no_reboot(into: &RebootTarget) -> &'static str {
+    match into {
+        RebootTarget::Application => ": a program runs; stop it first",
+        RebootTarget::Loader => {
+            " into its loader: a program runs, or nobody is at the board; stop the program, hold the button or close the jumper"
+        }
+    }
 }
 
 impl ClientError {
@@ -25,7 +39,7 @@ impl ClientError {
     pub fn refusal(&self) -> Option<Refusal> {
         match self {
             ClientError::Refused(refusal) => Some(*refusal),
-            ClientError::Transport(_) | ClientError::Frame(_) => None,
+            ClientError::Transport(_) | ClientError::Frame(_) | ClientError::NoReboot(_) => None,
         }
     }
 }

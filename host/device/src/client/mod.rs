@@ -213,9 +213,14 @@ impl Client {
     ///
     /// # Errors
     ///
-    /// The port fails, no answer comes, or what comes is not a valid answer.
+    /// The port fails, no answer comes, or what comes is not a valid answer. [`ClientError::NoReboot`]: the board refuses.
     pub fn reboot(&mut self, into: RebootTarget) -> Result<(), ClientError> {
-        self.exchange.ask_bootstrap("reboot", bootstrap::Request::Reboot(into)).map(drop)
+        let answer = self.exchange.ask_bootstrap("reboot", bootstrap::Request::Reboot(into))?;
+        match answer.first() {
+            Some(0) => Ok(()),
+            Some(1) => Err(ClientError::NoReboot(into)),
+            Some(_) | None => Err(AnswerError::Payload { request: "reboot" }.into()),
+        }
     }
 
     /// What the board does now.
