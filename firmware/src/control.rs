@@ -72,6 +72,8 @@ pub struct Inputs {
     pub button: bool,
     /// The output chain does not return what was shifted into it.
     pub chain_broken: bool,
+    /// Output enable is low although the board has disabled the outputs.
+    pub enable_stuck: bool,
 }
 
 type Raw = CriticalSectionRawMutex;
@@ -231,7 +233,7 @@ impl<'t> Control<'t> {
             shared.inputs.push(now, inputs.switches);
         }
         self.seen.switches = inputs.switches;
-        self.seen.chain_broken = inputs.chain_broken;
+        (self.seen.chain_broken, self.seen.enable_stuck) = (inputs.chain_broken, inputs.enable_stuck);
         self.button.look(now, inputs.button);
         self.now = now;
         let stops = shared.stops();

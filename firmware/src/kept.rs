@@ -105,6 +105,18 @@ impl Kept {
         self.newest().map_or(0, |record| record.order.wrapping_add(1))
     }
 
+    /// Crashes in a row at the last start; 0 where memory holds noise.
+    fn crashes_in_a_row(&self) -> u32 {
+        // SAFETY: any bits are valid.
+        let [count, complement] = unsafe { self.crashes().read_volatile() };
+        if count == !complement { count } else { 0 }
+    }
+
+    /// Whether the last start was held after crashes.
+    fn was_recovering(&self) -> bool {
+        life::start_after(self.crashes_in_a_row()) == life::Start::Recovery
+    }
+
     fn set_crashes(&self, count: u32) {
         // SAFETY: the pointer is that of a static; a reset between the two words leaves noise, which counts as none.
         unsafe { self.crashes().write_volatile([count, !count]) }
@@ -196,10 +208,11 @@ impl Write for Record {
 }
 
 /// How the start before this one ended, if it did not end by power. It is reported once as that, and stays among the
-/// [`past`] ones. `bitten`: the watchdog caused the reset. Call once, at start.
+/// [`past`] ones. `bitten`: the watchdog caused the reset. A held board whose console is reset by the watchdog keeps the record of
+/// the crash that led there. Call once, at start, before [`count_crash`].
 pub fn take(kept: &Kept, bitten: bool) -> Option<CrashRecord> {
     let record = match kept.newest() {
-        Some(record) if record.magic == NEW => *record,
+        Some(record) if record.magic == NEW || bitten && kept.was_recovering() => *record,
         _ if bitten => Record::new(kept.next(), CrashKind::Watchdog, Micros(0), Registers::UNKNOWN),
         _ => return None,
     };
@@ -215,9 +228,7 @@ pub fn past(kept: &Kept, back: u8) -> Option<CrashRecord> {
 
 /// Counts the crash of the last start, if it crashed, and returns how many there were in a row. Call once, at start.
 pub fn count_crash(kept: &Kept, crashed: bool) -> u32 {
-    // SAFETY: any bits are valid.
-    let [count, complement] = unsafe { kept.crashes().read_volatile() };
-    let crashes = life::crashes_in_a_row(if count == !complement { count } else { 0 }, crashed);
+    let crashes = life::crashes_in_a_row(kept.crashes_in_a_row(), crashed);
     kept.set_crashes(crashes);
     crashes
 }
@@ -270,6 +281,23 @@ mod tests {
         crash(&kept, 1);
         assert_eq!(take(&kept, true).map(|record| record.kind), Some(CrashKind::Panic));
         assert_eq!(past(&kept, 2), None);
+    }
+
+    #[test]
+    fn a_held_board_that_the_watchdog_resets_keeps_the_record_of_its_crash() {
+        let kept = noise();
+        let start = |bitten| {
+            let crash = take(&kept, bitten);
+            (crash.as_ref().map(|record| record.kind), count_crash(&kept, crash.is_some()))
+        };
+        for count in 1..=life::MAX_CRASHES {
+            crash(&kept, count.into());
+            assert_eq!(start(false), (Some(CrashKind::Panic), count));
+        }
+        assert_eq!(start(true), (Some(CrashKind::Panic), life::MAX_CRASHES + 1));
+        assert_eq!(past(&kept, 0).map(|record| record.uptime_us), Some(life::MAX_CRASHES.into()));
+        forget_crashes(&kept);
+        assert_eq!(start(true), (Some(CrashKind::Watchdog), 1));
     }
 
     #[test]

@@ -8,7 +8,7 @@ mod read_back;
 
 use core::convert::Infallible;
 
-use embedded_hal::digital::OutputPin;
+use embedded_hal::digital::{InputPin, OutputPin};
 pub use read_back::ReadBack;
 
 /// Unchanged lines are shifted again after this many ticks, so that a disturbed register does not stay wrong.
@@ -28,8 +28,19 @@ pub trait Chain {
         None
     }
 
+    /// Whether the lines that it brought last have not reached the latch a tick later. A chain that the processor drives edge by
+    /// edge is never stuck.
+    fn is_stuck(&self) -> bool {
+        false
+    }
+
     /// Enables or disables all outputs, in one edge and after the last [`Chain::shift`] has been latched.
     fn set_enabled(&mut self, enabled: bool);
+
+    /// Whether the pin of output enable has the level that disables the outputs. `None` where nobody reads it.
+    fn reads_disabled(&mut self) -> Option<bool> {
+        None
+    }
 }
 
 /// The four pins of a chain.
@@ -50,7 +61,7 @@ where
     D: OutputPin<Error = Infallible>,
     C: OutputPin<Error = Infallible>,
     L: OutputPin<Error = Infallible>,
-    E: OutputPin<Error = Infallible>,
+    E: OutputPin<Error = Infallible> + InputPin<Error = Infallible>,
 {
     #[inline(always)]
     fn shift(&mut self, lines: u64) {
@@ -60,6 +71,11 @@ where
     #[inline(always)]
     fn set_enabled(&mut self, enabled: bool) {
         let Ok(()) = if enabled { self.enable.set_low() } else { self.enable.set_high() };
+    }
+
+    fn reads_disabled(&mut self) -> Option<bool> {
+        let Ok(is_high) = self.enable.is_high();
+        Some(is_high)
     }
 }
 
@@ -96,9 +112,11 @@ where
 /// Driver of the chain.
 pub struct Solenoids<C> {
     chain: C,
-    /// Lines that the latch holds; `None` before the first time.
-    latched: Option<u64>,
+    /// Lines that the latch holds.
+    latched: u64,
     enabled: bool,
+    /// Output enable did not follow when the outputs were disabled, as it was read last.
+    enable_stuck: bool,
     /// Ticks without a change since the last refresh.
     age_ticks: u8,
     /// The tick has obeyed an order.
@@ -109,11 +127,21 @@ pub struct Solenoids<C> {
 }
 
 impl<C: Chain> Solenoids<C> {
-    /// Takes the chain and switches all outputs off.
+    /// Takes the chain, disables all outputs, and only then brings the first lines to them: all low. Reads output enable back.
     pub fn new(chain: C) -> Self {
-        let mut solenoids =
-            Self { chain, latched: None, enabled: true, age_ticks: 0, busy: false, errors: 0, errors_in_a_row: 0 };
+        let mut solenoids = Self {
+            chain,
+            latched: 0,
+            enabled: true,
+            enable_stuck: false,
+            age_ticks: 0,
+            busy: false,
+            errors: 0,
+            errors_in_a_row: 0,
+        };
         solenoids.safe();
+        solenoids.chain.shift(0);
+        solenoids.look_at_enable();
         solenoids
     }
 
@@ -129,10 +157,14 @@ impl<C: Chain> Solenoids<C> {
         if !enabled {
             self.safe();
         }
-        if self.latched != Some(lines) {
+        let is_stuck = self.chain.is_stuck();
+        if is_stuck {
+            self.note_error();
+        }
+        if self.latched != lines {
             self.chain.shift(lines);
-            self.latched = Some(lines);
-        } else {
+            self.latched = lines;
+        } else if !is_stuck {
             self.refresh(lines);
         }
         if enabled && !self.enabled {
@@ -147,13 +179,19 @@ impl<C: Chain> Solenoids<C> {
         self.busy = busy;
     }
 
-    /// The chain does not return what is shifted into it.
+    /// The chain does not return what is shifted into it, or does not bring it to the latch.
     #[inline(always)]
     pub fn is_broken(&self) -> bool {
         self.errors_in_a_row >= BROKEN
     }
 
-    /// Times that something else came back than was shifted in.
+    /// Output enable reads low, as it was read last, although the outputs were disabled.
+    #[inline(always)]
+    pub fn is_enable_stuck(&self) -> bool {
+        self.enable_stuck
+    }
+
+    /// Times that something else came back than was shifted in, and ticks in which the lines had not reached the latch.
     #[inline(always)]
     pub fn errors(&self) -> u32 {
         self.errors
@@ -165,13 +203,25 @@ impl<C: Chain> Solenoids<C> {
         if self.age_ticks < REFRESH_TICKS || self.busy && self.age_ticks == REFRESH_TICKS {
             return;
         }
+        if !self.enabled {
+            self.look_at_enable();
+        }
         if self.chain.verify(lines) == Some(false) {
-            self.errors = self.errors.saturating_add(1);
-            self.errors_in_a_row = self.errors_in_a_row.saturating_add(1);
+            self.note_error();
         } else {
             self.errors_in_a_row = 0;
             self.age_ticks = 0;
         }
+    }
+
+    fn note_error(&mut self) {
+        self.errors = self.errors.saturating_add(1);
+        self.errors_in_a_row = self.errors_in_a_row.saturating_add(1);
+    }
+
+    /// Call while the outputs are disabled.
+    fn look_at_enable(&mut self) {
+        self.enable_stuck = self.chain.reads_disabled() == Some(false);
     }
 
     /// All lines off, in one edge.

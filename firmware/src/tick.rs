@@ -40,6 +40,7 @@ impl<H: Hardware> Ticker<H> {
     ) -> Outputs {
         let mut inputs = self.solenoids.chain().inputs();
         inputs.chain_broken = self.solenoids.is_broken();
+        inputs.enable_stuck = self.solenoids.is_enable_stuck();
         let outputs = self.control.tick(now, due, inputs, shared);
         self.solenoids.set_busy(self.control.has_obeyed());
         self.solenoids.apply(outputs.lines, outputs.enabled);

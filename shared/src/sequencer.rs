@@ -250,6 +250,9 @@ impl<'t> Sequencer<'t> {
         if seen.chain_broken {
             return Err(FaultKind::Chain);
         }
+        if seen.enable_stuck {
+            return Err(FaultKind::OutputEnable);
+        }
         let Some(table) = self.table.as_deref() else {
             return Ok(());
         };

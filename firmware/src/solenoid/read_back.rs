@@ -19,7 +19,7 @@ where
     D: OutputPin<Error = Infallible>,
     C: OutputPin<Error = Infallible>,
     L: OutputPin<Error = Infallible>,
-    E: OutputPin<Error = Infallible>,
+    E: OutputPin<Error = Infallible> + InputPin<Error = Infallible>,
     Q: InputPin<Error = Infallible>,
 {
     /// Takes the pins, outputs disabled, and counts the chips: a pattern comes back after eight clocks a chip.
@@ -56,7 +56,7 @@ where
     D: OutputPin<Error = Infallible>,
     C: OutputPin<Error = Infallible>,
     L: OutputPin<Error = Infallible>,
-    E: OutputPin<Error = Infallible>,
+    E: OutputPin<Error = Infallible> + InputPin<Error = Infallible>,
     Q: InputPin<Error = Infallible>,
 {
     #[inline(always)]
@@ -73,5 +73,9 @@ where
     #[inline(always)]
     fn set_enabled(&mut self, enabled: bool) {
         self.pins.set_enabled(enabled);
+    }
+
+    fn reads_disabled(&mut self) -> Option<bool> {
+        self.pins.reads_disabled()
     }
 }

@@ -14,6 +14,8 @@ struct Chain {
     edges: Cell<u32>,
     /// Shift registers up to the far end; 0 while nothing is wired to it.
     chips: Cell<u32>,
+    /// Output enable is connected to ground.
+    shorted: Cell<bool>,
 }
 
 impl Chain {
@@ -28,8 +30,12 @@ impl Chain {
         }
     }
 
+    fn is_disabled(&self) -> bool {
+        self.levels[3].get() && !self.shorted.get()
+    }
+
     fn outputs(&self, lines: u32) -> u64 {
-        if self.levels[3].get() { 0 } else { self.latched.get() & (u64::MAX >> (64 - lines)) }
+        if self.is_disabled() { 0 } else { self.latched.get() & (u64::MAX >> (64 - lines)) }
     }
 }
 
@@ -50,6 +56,9 @@ impl OutputPin for Wire<'_> {
 
 impl InputPin for Wire<'_> {
     fn is_high(&mut self) -> Result<bool, Infallible> {
+        if self.1 == 3 {
+            return Ok(self.0.is_disabled());
+        }
         let chips = self.0.chips.get();
         Ok(chips > 0 && self.0.shifted.get() >> (8 * chips - 1) & 1 == 1)
     }
@@ -101,6 +110,66 @@ fn a_chip_that_is_missing_later_is_found() {
     chain.chips.set(2);
     (0..=REFRESH_TICKS + 1).for_each(|_| solenoids.apply(0x01_00_5a, true));
     assert!(solenoids.is_broken());
+}
+
+#[test]
+fn nothing_is_enabled_before_all_lines_were_shifted_low() {
+    let chain = Chain::default();
+    // What the registers hold after power-on.
+    chain.latched.set(u64::MAX);
+    let mut solenoids = solenoids(&chain);
+    assert_eq!((chain.latched.get(), chain.outputs(64)), (0, 0));
+    assert!(chain.levels[3].get() && !solenoids.is_enable_stuck());
+    solenoids.apply(0, true);
+    assert_eq!((chain.levels[3].get(), chain.outputs(64)), (false, 0));
+}
+
+#[test]
+fn output_enable_that_is_connected_to_ground_is_found_at_the_start_and_while_the_outputs_are_disabled() {
+    let chain = Chain::default();
+    chain.shorted.set(true);
+    assert!(solenoids(&chain).is_enable_stuck());
+    chain.shorted.set(false);
+    let mut solenoids = solenoids(&chain);
+    let ticks = |solenoids: &mut OnChain<'_>, enabled| {
+        (0..=REFRESH_TICKS).for_each(|_| solenoids.apply(0, enabled));
+        solenoids.is_enable_stuck()
+    };
+    assert!(!ticks(&mut solenoids, true) && !ticks(&mut solenoids, false));
+    chain.shorted.set(true);
+    assert!(ticks(&mut solenoids, false));
+    chain.shorted.set(false);
+    assert!(!ticks(&mut solenoids, false));
+}
+
+/// A chain that something else than the processor drives.
+#[derive(Default)]
+struct Driven {
+    stuck: bool,
+    enabled: bool,
+}
+
+impl super::Chain for Driven {
+    fn shift(&mut self, _: u64) {}
+    fn is_stuck(&self) -> bool {
+        self.stuck
+    }
+    fn set_enabled(&mut self, enabled: bool) {
+        self.enabled = enabled;
+    }
+}
+
+#[test]
+fn lines_that_do_not_reach_the_latch_are_an_error_in_the_second_tick() {
+    let mut solenoids = Solenoids::new(Driven::default());
+    solenoids.apply(1, true);
+    solenoids.chain.stuck = true;
+    solenoids.apply(2, true);
+    assert!(!solenoids.is_broken());
+    solenoids.apply(2, true);
+    assert!(solenoids.is_broken() && solenoids.errors() == 2);
+    (0..2 * u32::from(REFRESH_TICKS)).for_each(|_| solenoids.apply(2, true));
+    assert!(solenoids.is_broken(), "no refresh hides it");
 }
 
 type OnChain<'a> = Solenoids<Pins<Wire<'a>, Wire<'a>, Wire<'a>, Wire<'a>>>;

@@ -1,5 +1,6 @@
 // The chip from one reset to the next: the image in its flash, its pins, its ports, its time.
 
+import { createCache, MISS_CYCLES } from './cache.mjs';
 import { bootRom, call } from './rom.mjs';
 import { createUsbHost } from './usb.mjs';
 
@@ -29,7 +30,7 @@ export function segments(elf) {
   return found;
 }
 
-export function createChip(module, image, flash, report) {
+export function createChip(module, image, flash, report, shorted) {
   const { RP2040, BasePeripheral, ConsoleLogger, LogLevel } = module;
   const chip = new RP2040();
   const { clock } = chip;
@@ -47,14 +48,23 @@ export function createChip(module, image, flash, report) {
   chip.peripherals[XIP_CONTROL] = new Xip(chip, 'XIP_CTRL');
   const watchdog = chip.peripherals[0x40058];
   const stack = new DataView(chip.flash.buffer).getUint32(VECTORS, true) - RAM;
-  const state = { chip, clock, stack, ended: null, ticks: { count: 0, longest: 0, longestCycles: 0 } };
+  const state = { chip, clock, stack, shorted, ended: null, ticks: noTicks() };
+  state.cache = createCache(chip);
+  // A pin can be read while it drives: its input follows, unless it is connected to ground.
+  state.readBack = (pin) => {
+    const { outputEnable, outputValue } = chip.gpio[pin];
+    chip.gpio[pin].setInputValue((outputEnable ? outputValue : pin === 5) && !shorted.has(pin));
+  };
 
   const end = (why) => {
     state.ended ??= why;
   };
   watchdog.onWatchdogTrigger = () => end({ why: 'reset', reason: watchdog.reason });
   flash.onCut = () => end({ why: 'cut' });
-  flash.onTime = (nanoseconds) => clock.tick(nanoseconds);
+  flash.onTime = (nanoseconds) => {
+    state.cache.flush();
+    clock.tick(nanoseconds);
+  };
   chip.onBreak = (number) => call(number, chip, flash, () => end({ why: 'loader' }));
 
   state.usb = createUsbHost(module, chip.usbCtrl, (bytes) => report.bytes('console', bytes));
@@ -78,8 +88,9 @@ export function createChip(module, image, flash, report) {
       const { outputEnable, outputValue } = chip.gpio[pin];
       // Nobody drives it: the pull-up of output enable holds it high, the others are low.
       const now = outputEnable ? outputValue : pin === 5;
-      if (now !== level) report.edge(clock.nanos, pin, now);
+      if (now !== level) report.edge(clock.nanos, pin, now && !state.shorted.has(pin));
       level = now;
+      state.readBack(pin);
     });
   });
   runPio(chip.pio[0], clock, state);
@@ -131,9 +142,23 @@ export function stackUsed({ chip, stack }) {
   return stack - free;
 }
 
+// Counts of control ticks: how many, and the longest in instructions, in cycles, in cycles with the waits of the cache, and in cycles
+// as if the cache were empty at its begin.
+export const noTicks = () => ({ count: 0, longest: 0, longestCycles: 0, longestWaiting: 0, longestCold: 0 });
+
+function countTick({ ticks, cache }, instructions, cycles) {
+  // One line more: the tick may begin while another one is fetched.
+  const after = (lines) => cycles + (lines + 1) * MISS_CYCLES;
+  ticks.count += 1;
+  ticks.longest = Math.max(ticks.longest, instructions);
+  ticks.longestCycles = Math.max(ticks.longestCycles, cycles);
+  ticks.longestWaiting = Math.max(ticks.longestWaiting, after(cache.counts.misses));
+  ticks.longestCold = Math.max(ticks.longestCold, after(cache.counts.lines));
+}
+
 // Runs until this time of its clock, or until it ends.
 export function run(state, untilNs) {
-  const { chip, clock, ticks } = state;
+  const { chip, clock, cache } = state;
   const { core } = chip;
   let [instructions, cycles] = [0, 0];
   while (clock.nanos < untilNs && state.ended === null) {
@@ -142,15 +167,14 @@ export function run(state, untilNs) {
       const wait = Math.max(Math.min(next, untilNs - clock.nanos), 0);
       clock.tick(state.isPioBusy() ? Math.min(wait, 10 * NS_PER_CYCLE) : wait);
     } else {
+      if (instructions === 0) cache.begin();
       const used = core.executeInstruction();
       clock.tick(used * NS_PER_CYCLE);
       if (core.IPSR === CONTROL) {
         instructions += 1;
         cycles += used;
       } else if (instructions > 0) {
-        ticks.count += 1;
-        ticks.longest = Math.max(ticks.longest, instructions);
-        ticks.longestCycles = Math.max(ticks.longestCycles, cycles);
+        countTick(state, instructions, cycles);
         [instructions, cycles] = [0, 0];
       }
     }

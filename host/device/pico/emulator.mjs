@@ -11,21 +11,31 @@
 // | `power`             | the power was off: memory is lost, the flash stays                             |
 // | `reset`             | the reset button                                                               |
 // | `bite`              | the watchdog, which found no feed                                              |
+// | `panic`             | the code that runs now panics                                                  |
+// | `flashed`           | a start behind the boot ROM, which has written the image and ends by the watchdog |
+// | `short PIN LEVEL`   | 1: an output pin is connected to ground; 0: no more                            |
+// | `freeze`            | the state machine of the output chain stops until the next start               |
+// | `replug`            | the USB cable was out: the host enumerates the board again                     |
 // | `run NANOSECONDS`   | runs so long                                                                   |
-// | `measure`           | prints `stack BYTES` and `ticks COUNT INSTRUCTIONS CYCLES OPERATIONS`, the longest tick since the last time |
+// | `measure`           | prints `stack BYTES` and `ticks COUNT INSTRUCTIONS CYCLES WAITING COLD OPERATIONS`, the longest tick since the last time |
 //
 // While it runs it prints `edge TIME PIN LEVEL`, `console HEX`, `bus HEX`, `reset`, `loader` or `cut`, and after each `run`
 // and `measure` a line `done TIME`. Times are nanoseconds since its start, over resets and power cuts.
 
 import fs from 'node:fs';
-import { createChip, run, segments, stackUsed, start } from './chip.mjs';
+import { createChip, noTicks, run, segments, stackUsed, start } from './chip.mjs';
 import { createFlash } from './flash.mjs';
+import { panic, symbol } from './panic.mjs';
 
 const [path, elf, flashPath] = process.argv.slice(2);
 const module = await import(path);
-const image = segments(fs.readFileSync(elf));
+const file = fs.readFileSync(elf);
+const image = segments(file);
+const panicAt = symbol(file, 'panic_const_async_fn_resumed');
 const flash = createFlash(flashPath);
 const inputs = new Map();
+// Output pins that are connected to ground.
+const shorted = new Set();
 let said = [];
 // Time of all chips before this one.
 let earlierNs = 0;
@@ -37,7 +47,7 @@ const report = {
 };
 
 function boot(before) {
-  const state = createChip(module, image, flash, report);
+  const state = createChip(module, image, flash, report, shorted);
   start(state, before);
   inputs.forEach((level, pin) => state.chip.gpio[pin].setInputValue(level));
   return state;
@@ -75,6 +85,20 @@ const commands = {
     inputs.set(Number(pin), level === '1');
     state.chip.gpio[Number(pin)].setInputValue(level === '1');
   },
+  panic: () => panic(state.chip, panicAt),
+  flashed: () => {
+    state = restart(Object.assign(state, { ended: { why: 'reset' } }), false);
+    state.chip.peripherals[0x40058].reason = 1;
+  },
+  short: ([pin, level]) => {
+    if (level === '1') shorted.add(Number(pin));
+    else shorted.delete(Number(pin));
+    state.readBack(Number(pin));
+  },
+  freeze: () => {
+    state.chip.pio[0].machines[0].enabled = false;
+  },
+  replug: () => state.usb.enumerate(),
   cut: ([count, seed]) => flash.cutAfter(Number(count), Number(seed)),
   power: () => {
     flash.cutAfter(0, 1);
@@ -92,9 +116,10 @@ const commands = {
     done();
   },
   measure: () => {
-    const { count, longest, longestCycles } = state.ticks;
-    said.push(`stack ${stackUsed(state)}`, `ticks ${count} ${longest} ${longestCycles} ${flash.operations}`);
-    state.ticks = Object.assign(state.ticks, { count: 0, longest: 0, longestCycles: 0 });
+    const { count, longest, longestCycles, longestWaiting, longestCold } = state.ticks;
+    said.push(`stack ${stackUsed(state)}`);
+    said.push(`ticks ${count} ${longest} ${longestCycles} ${longestWaiting} ${longestCold} ${flash.operations}`);
+    state.ticks = noTicks();
     done();
   },
 };

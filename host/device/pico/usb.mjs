@@ -47,6 +47,13 @@ export function createUsbHost(module, controller, onBytes) {
     get isOpen() {
       return state.isOpen;
     },
+    // The cable was out: what was on the way is lost, and the device is reset and enumerated again.
+    enumerate() {
+      Object.assign(host, { initialized: false, descriptorsSize: null, descriptors: [], inEndpoint: -1, outEndpoint: -1 });
+      Object.assign(state, { isOpen: false, wanted: null });
+      waiting.length = 0;
+      controller.resetDevice();
+    },
     send(bytes) {
       waiting.push(...bytes);
       serve();

@@ -76,6 +76,8 @@ pub enum FaultKind {
     EmergencyStop,
     /// The output chain does not hold what was shifted into it.
     Chain,
+    /// Output enable is low although the board has disabled the outputs.
+    OutputEnable,
 }
 
 impl fmt::Display for Fault {
@@ -114,6 +116,9 @@ impl fmt::Display for FaultKind {
             }
             Self::EmergencyStop => f.write_str("the emergency stop was pressed"),
             Self::Chain => f.write_str("the output chain does not return what was shifted into it; check its wiring"),
+            Self::OutputEnable => f.write_str(
+                "output enable is low although the board has disabled the outputs; switch the coils' supply off, check the wire",
+            ),
         }
     }
 }

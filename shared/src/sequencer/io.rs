@@ -12,8 +12,10 @@ pub struct Seen {
     pub switches: u32,
     /// What each servo answered last.
     pub servos: [ServoSeen; MAX_SERVOS],
-    /// The output chain does not return what was shifted into it.
+    /// The output chain does not return what was shifted into it, or does not bring it to the latch.
     pub chain_broken: bool,
+    /// Output enable is low although the board has disabled the outputs.
+    pub enable_stuck: bool,
 }
 
 /// The last answer of one servo.

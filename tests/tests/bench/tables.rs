@@ -52,8 +52,19 @@ pub(crate) fn table(wiring: &Wiring, words: &[Word], model: ModelHash) -> Upload
 
 /// The same with the frames of the arm's modules.
 pub(crate) fn table_with(wiring: &Wiring, words: &[Word], model: ModelHash, modules: &[Record]) -> UploadImage {
+    table_under(&profile(wiring), wiring, words, model, modules)
+}
+
+/// The same for a board with this profile.
+pub(crate) fn table_under(
+    profile: &BoardProfile,
+    wiring: &Wiring,
+    words: &[Word],
+    model: ModelHash,
+    modules: &[Record],
+) -> UploadImage {
     let at = |row: usize| Micros::from_millis(ROW_MS * row as u32);
-    let profile = profile(wiring).profile.digest;
+    let profile = profile.profile.digest;
     let mut records: Vec<Record> = head(wiring, model, None, profile).collect();
     records.extend(modules.iter().cloned());
     for (row, &word) in words.iter().enumerate() {

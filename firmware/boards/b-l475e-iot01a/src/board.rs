@@ -223,6 +223,10 @@ impl Chain for BoardPins {
     fn set_enabled(&mut self, enabled: bool) {
         self.chain.set_enabled(enabled);
     }
+
+    fn reads_disabled(&mut self) -> Option<bool> {
+        self.chain.reads_disabled()
+    }
 }
 
 impl Pins for BoardPins {

@@ -60,6 +60,16 @@ impl<const LINE: usize> OutputPin for Output<LINE> {
     }
 }
 
+/// The level of the pin, whoever drives it: IDR of an output pin is sampled too (RM0351, 8.4.4).
+impl<const LINE: usize> InputPin for Output<LINE> {
+    fn is_high(&mut self) -> Result<bool, Infallible> {
+        Ok(bus::read(Self::PIN.port.idr()).0 >> Self::PIN.index & 1 == 1)
+    }
+    fn is_low(&mut self) -> Result<bool, Infallible> {
+        self.is_high().map(|is_high| !is_high)
+    }
+}
+
 /// The far end of the chain.
 pub struct ChainEnd(());
 
@@ -146,7 +156,7 @@ mod tests {
     use crate::pins::{CHAIN, SERVO_BUS};
     use crate::tests::model::{self, gpio::Edge};
     use crate::{bus, clocks};
-    use embedded_hal::digital::OutputPin as _;
+    use embedded_hal::digital::{InputPin as _, OutputPin as _};
     use stm32_metapac::gpio::vals::{Ot, Pupdr};
 
     const PORT_A: usize = 0;
@@ -178,6 +188,16 @@ mod tests {
         for pin in CHAIN {
             assert_eq!(model::with(|chip| chip.gpio.speed(PORT_A, pin.index.into())), 1, "PA{}", pin.index);
         }
+    }
+
+    /// RM0351, 8.4.4: the pin is read, not what it is to be.
+    #[test]
+    fn output_enable_reads_low_where_something_pulls_it_there() {
+        start();
+        let mut enable = ChainEnable::new(true);
+        assert_eq!(enable.is_high(), Ok(false), "the model has no wire");
+        model::with(|chip| chip.gpio.inputs[PORT_A] = 1 << 15);
+        assert_eq!(enable.is_high(), Ok(true));
     }
 
     #[test]

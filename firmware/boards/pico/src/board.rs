@@ -35,9 +35,12 @@ const JUMPER: usize = 22;
 /// Output enable of the chain, active low.
 pub(crate) const ENABLE: usize = 5;
 
-/// The number in the name of a pin, `GP5`.
+/// The number in the name of a pin, `GP5`; none where it is named otherwise.
 const fn number(name: &str) -> usize {
-    let [b'G', b'P', digits @ ..] = name.as_bytes() else { panic!("a pin is named GP and its number") };
+    let digits = match name.as_bytes() {
+        [b'G', b'P', digits @ ..] => digits,
+        _ => return usize::MAX,
+    };
     let (mut number, mut index) = (0, 0);
     while index < digits.len() {
         number = 10 * number + (digits[index] - b'0') as usize;
@@ -200,6 +203,14 @@ impl darm_firmware::solenoid::Chain for BoardPins {
 
     fn set_enabled(&mut self, enabled: bool) {
         self.0.set_enabled(enabled);
+    }
+
+    fn is_stuck(&self) -> bool {
+        self.0.is_stuck()
+    }
+
+    fn reads_disabled(&mut self) -> Option<bool> {
+        Some(pac::SIO.gpio_in(0).read() >> ENABLE & 1 != 0)
     }
 }
 

@@ -57,6 +57,12 @@ impl Chain {
         Self { machine, enable }
     }
 
+    /// Whether the lines that were shifted last have not reached the latch: the state machine does not run, or had no room
+    /// for them. Call at least 30 µs after [`Chain::shift`].
+    pub(crate) fn is_stuck(&self) -> bool {
+        pac::PIO0.irq().read().irq() & SHOWN == 0 || pac::PIO0.fdebug().read().txover() & 1 != 0
+    }
+
     /// Shifts and latches 64 lines.
     pub(crate) fn shift(&mut self, lines: u64) {
         pac::PIO0.irq().write(|w| w.set_irq(SHOWN));

@@ -5,6 +5,10 @@ use embassy_rp::pac;
 /// Longest time between two control ticks.
 pub(crate) const PERIOD: Micros = Micros::from_millis(50);
 
+/// In scratch register 4 while the firmware has the watchdog. The boot ROM resets by the watchdog as well, after it has written
+/// an image over USB; it leaves 0 or its own number there (RP2040 data sheet, 2.8.1.1 and 4.7).
+const OURS: u32 = 0x6461_726d;
+
 /// Gives the control tick this time until the watchdog resets the chip. Erratum RP2040-E1: it counts two per µs.
 pub(crate) fn feed(time: Micros) {
     pac::WATCHDOG.load().write_value(pac::watchdog::regs::Load(time.0 as u32 * 2));
@@ -14,12 +18,15 @@ pub(crate) fn feed(time: Micros) {
 pub(crate) fn start() {
     pac::PSM.wdsel().write_value(pac::psm::regs::Wdsel(0x1_fffc));
     feed(PERIOD);
+    pac::WATCHDOG.scratch4().write_value(OURS);
     pac::WATCHDOG.ctrl().modify(|w| w.set_enable(true));
 }
 
-/// Whether the watchdog caused the last reset because nobody fed it.
+/// Whether the watchdog caused the last reset because this firmware did not feed it. Call once, at start.
 pub(crate) fn take_bite() -> bool {
-    pac::WATCHDOG.reason().read().timer()
+    let was_ours = pac::WATCHDOG.scratch4().read() == OURS;
+    pac::WATCHDOG.scratch4().write_value(0);
+    was_ours && pac::WATCHDOG.reason().read().timer()
 }
 
 /// Resets all but the oscillators.

@@ -24,7 +24,7 @@ use darm_firmware::servo::Bus;
 use darm_firmware::solenoid::{Pins, Solenoids};
 use darm_firmware::store::SLOT_BYTES;
 use embassy_futures::select::{Either3, select3};
-use embedded_hal::digital::{ErrorType, OutputPin};
+use embedded_hal::digital::{ErrorType, InputPin, OutputPin};
 use embedded_storage_async::nor_flash::NorFlash;
 
 use super::chip::Chip;
@@ -133,6 +133,16 @@ impl OutputPin for Wire {
     fn set_high(&mut self) -> Result<(), Infallible> {
         self.0.set(self.1, true);
         Ok(())
+    }
+}
+
+impl InputPin for Wire {
+    fn is_high(&mut self) -> Result<bool, Infallible> {
+        Ok(self.0.levels.get() >> self.1 as u8 & 1 != 0)
+    }
+
+    fn is_low(&mut self) -> Result<bool, Infallible> {
+        self.is_high().map(|is_high| !is_high)
     }
 }
 

@@ -69,14 +69,46 @@ impl PicoBench {
         self.ended = None;
     }
 
+    /// Closes or opens an input that the plant has nothing at.
+    pub fn set_input(&mut self, input: u8, closed: bool) {
+        self.command(&format!("pin {} {}\n", FIRST_INPUT + input, u8::from(closed)));
+    }
+
+    /// Lets the code that runs now panic.
+    pub fn panic(&mut self) {
+        self.command("panic\n");
+    }
+
+    /// Starts the image as the boot ROM does that has just written it: by its watchdog, with noise in memory.
+    pub fn start_as_flashed(&mut self) {
+        self.command("flashed\n");
+        self.ended = None;
+    }
+
+    /// Connects output enable to ground, or removes that wire.
+    pub fn short_enable(&mut self, shorted: bool) {
+        self.command(&format!("short {} {}\n", CHAIN.enable, u8::from(shorted)));
+    }
+
+    /// Lets the state machine that drives the output chain stop, until the next start.
+    pub fn freeze_chain(&mut self) {
+        self.command("freeze\n");
+    }
+
+    /// Pulls the USB cable out and plugs it in again: the host resets and enumerates the board.
+    pub fn replug(&mut self) {
+        self.command("replug\n");
+    }
+
     /// What has been counted since the last call.
     pub fn measure(&mut self) -> Measured {
         let mut measured = Measured::default();
         self.ask("measure\n", &mut |report| match report {
             Report::Stack(bytes) => measured.stack_bytes = bytes,
-            Report::Ticks([ticks, instructions, cycles, operations]) => {
+            Report::Ticks([ticks, instructions, cycles, waiting, cold, operations]) => {
                 measured.ticks = ticks;
                 (measured.longest_instructions, measured.longest_cycles) = (instructions, cycles);
+                (measured.waiting_cycles, measured.cold_cycles) = (waiting, cold);
                 measured.flash_operations = operations;
             }
             _ => {}

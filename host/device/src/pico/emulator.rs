@@ -16,10 +16,12 @@ const OLDEST_NODE: u32 = 18;
 /// Where `cargo xtask` installs the package, from the folder that cargo builds into.
 const PACKAGE: &str = "pico-emulator/node_modules/rp2040js/dist/esm/index.js";
 /// The scripts, by name.
-const SCRIPTS: [(&str, &str); 5] = [
+const SCRIPTS: [(&str, &str); 7] = [
     ("emulator.mjs", include_str!("../../pico/emulator.mjs")),
+    ("cache.mjs", include_str!("../../pico/cache.mjs")),
     ("chip.mjs", include_str!("../../pico/chip.mjs")),
     ("flash.mjs", include_str!("../../pico/flash.mjs")),
+    ("panic.mjs", include_str!("../../pico/panic.mjs")),
     ("rom.mjs", include_str!("../../pico/rom.mjs")),
     ("usb.mjs", include_str!("../../pico/usb.mjs")),
 ];
@@ -80,6 +82,10 @@ pub struct Measured {
     pub longest_instructions: u64,
     /// Clock cycles of the longest control tick, without waits of the flash.
     pub longest_cycles: u64,
+    /// The same of the longest one with the waits for lines that a model of the flash's cache does not have.
+    pub waiting_cycles: u64,
+    /// The same as if the cache had no line at the begin of a tick.
+    pub cold_cycles: u64,
     /// Operations of the flash since the start of the emulator.
     pub flash_operations: u64,
 }
@@ -99,8 +105,8 @@ pub(super) enum Report {
     Ended(Ended),
     /// Bytes of stack.
     Stack(u64),
-    /// Counts of ticks, instructions, cycles, operations.
-    Ticks([u64; 4]),
+    /// Counts of ticks, instructions, three kinds of cycles, operations.
+    Ticks([u64; 6]),
     /// All of a step has been reported.
     Done { at_ns: u64 },
 }
@@ -189,7 +195,7 @@ fn parse(line: &str) -> Option<Report> {
         "cut" => Report::Ended(Ended::Cut),
         "loader" => Report::Ended(Ended::Loader),
         "stack" => Report::Stack(number(0)?),
-        "ticks" => Report::Ticks([number(0)?, number(1)?, number(2)?, number(3)?]),
+        "ticks" => Report::Ticks([number(0)?, number(1)?, number(2)?, number(3)?, number(4)?, number(5)?]),
         "done" => Report::Done { at_ns: number(0)? },
         _ => return None,
     })
@@ -203,7 +209,7 @@ mod tests {
     fn reports_are_read() {
         assert_eq!(parse("edge 1288088 3 1"), Some(Report::Edge { at_ns: 1_288_088, pin: 3, high: true }));
         assert_eq!(parse("console 0a4f"), Some(Report::Console(vec![0x0a, 0x4f])));
-        assert_eq!(parse("ticks 98 2065 3013 7"), Some(Report::Ticks([98, 2065, 3013, 7])));
+        assert_eq!(parse("ticks 98 2065 3013 4013 5013 7"), Some(Report::Ticks([98, 2065, 3013, 4013, 5013, 7])));
         assert_eq!(parse("edge 1 2"), None);
         assert_eq!(parse("Error: something"), None);
     }
