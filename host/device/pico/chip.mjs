@@ -48,7 +48,7 @@ export function createChip(module, image, flash, report, shorted) {
   chip.peripherals[XIP_CONTROL] = new Xip(chip, 'XIP_CTRL');
   const watchdog = chip.peripherals[0x40058];
   const stack = new DataView(chip.flash.buffer).getUint32(VECTORS, true) - RAM;
-  const state = { chip, clock, stack, shorted, ended: null, ticks: noTicks() };
+  const state = { chip, clock, stack, shorted, ended: null, ticks: noTicks(), tick: noTick() };
   state.cache = createCache(chip);
   // A pin can be read while it drives: its input follows, unless it is connected to ground.
   state.readBack = (pin) => {
@@ -146,37 +146,50 @@ export function stackUsed({ chip, stack }) {
 // as if the cache were empty at its begin.
 export const noTicks = () => ({ count: 0, longest: 0, longestCycles: 0, longestWaiting: 0, longestCold: 0 });
 
-function countTick({ ticks, cache }, instructions, cycles) {
+// The tick that runs: instructions and cycles so far. It may go on in the next step.
+const noTick = () => ({ instructions: 0, cycles: 0 });
+
+function countTick({ ticks, tick, cache }) {
   // One line more: the tick may begin while another one is fetched.
-  const after = (lines) => cycles + (lines + 1) * MISS_CYCLES;
+  const after = (lines) => tick.cycles + (lines + 1) * MISS_CYCLES;
   ticks.count += 1;
-  ticks.longest = Math.max(ticks.longest, instructions);
-  ticks.longestCycles = Math.max(ticks.longestCycles, cycles);
+  ticks.longest = Math.max(ticks.longest, tick.instructions);
+  ticks.longestCycles = Math.max(ticks.longestCycles, tick.cycles);
   ticks.longestWaiting = Math.max(ticks.longestWaiting, after(cache.counts.misses));
   ticks.longestCold = Math.max(ticks.longestCold, after(cache.counts.lines));
 }
 
+// Counts an instruction, after it.
+function count(state, used) {
+  if (state.chip.core.IPSR === CONTROL) {
+    state.tick.instructions += 1;
+    state.tick.cycles += used;
+  } else if (state.tick.instructions > 0) {
+    countTick(state);
+    state.tick = noTick();
+  }
+}
+
 // Runs until this time of its clock, or until it ends.
 export function run(state, untilNs) {
-  const { chip, clock, cache } = state;
+  const { chip, clock } = state;
   const { core } = chip;
-  let [instructions, cycles] = [0, 0];
   while (clock.nanos < untilNs && state.ended === null) {
+    // An interrupt that was pending when the processor fell asleep wakes it, also while it is masked (ARMv6-M, B1.5.19); the emulator
+    // looks at new ones alone.
+    if (core.waiting && core.pendingInterrupts & core.enabledInterrupts) {
+      core.waiting = false;
+      core.interruptsUpdated = true;
+    }
     if (core.waiting) {
       const next = clock.nextAlarm === null ? Infinity : clock.nanosToNextAlarm;
       const wait = Math.max(Math.min(next, untilNs - clock.nanos), 0);
       clock.tick(state.isPioBusy() ? Math.min(wait, 10 * NS_PER_CYCLE) : wait);
     } else {
-      if (instructions === 0) cache.begin();
+      if (state.tick.instructions === 0) state.cache.begin();
       const used = core.executeInstruction();
       clock.tick(used * NS_PER_CYCLE);
-      if (core.IPSR === CONTROL) {
-        instructions += 1;
-        cycles += used;
-      } else if (instructions > 0) {
-        countTick(state, instructions, cycles);
-        [instructions, cycles] = [0, 0];
-      }
+      count(state, used);
     }
     state.stepPio();
   }
