@@ -154,8 +154,8 @@ pub fn sizes(elf: &Path) -> Result<[(&'static str, f64); 2]> {
         let sections = file.sections().filter(|section| section.name().is_ok_and(|name| names.contains(&name)));
         sections.map(|section| section.size()).sum::<u64>() as f64
     };
-    let flash = size(&[".boot2", ".vector_table", ".text", ".rodata", ".data"]);
-    let ram = size(&[".data", ".bss", ".uninit", ".above"]);
+    let flash = size(&[".boot2", ".vector_table", ".text", ".rodata", ".data", ".fast"]);
+    let ram = size(&[".data", ".fast", ".bss", ".uninit", ".above"]);
     Ok([("flash of the image", flash), ("RAM of the image without its stack", ram)])
 }
 
