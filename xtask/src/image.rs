@@ -67,17 +67,17 @@ impl Command {
             println!("{}", build_all()?.display());
             return Ok(());
         }
-        if self.board != Board::BL475eIot01a {
-            if self.ram || self.budget || self.stack || self.panics {
-                bail!("only the image of b-l475e-iot01a is analysed; drop the option");
-            }
+        if self.board != Board::BL475eIot01a && (self.ram || self.budget) {
+            bail!("only the memory of b-l475e-iot01a is listed; drop the option");
+        }
+        if self.board != Board::BL475eIot01a && !self.stack && !self.panics {
             if let Emulator::Absent(why) = self.board.emulator() {
                 eprintln!("NO EMULATOR for this image: {why}");
             }
             println!("{}", build_for(self.board)?.display());
             return Ok(());
         }
-        let path = build()?;
+        let path = build_for(self.board)?;
         if self.ram {
             print!("{}", ram::table(&path)?);
         }
@@ -97,13 +97,14 @@ impl Command {
 
     fn analyse(&self, path: &Path) -> Result<()> {
         let image = code::Image::read(path)?;
-        let graph = graph::Graph::new(&image)?;
+        let Some(lists) = self.board.lists() else { bail!("the image of this board is not analysed; drop the option") };
+        let graph = graph::Graph::new(&image, lists)?;
         let bound = stack::Bound::new(&image, &graph)?;
         if self.stack {
             print!("{}", bound.table(&graph, true));
         }
         if self.panics {
-            println!("Panics that are allowed outside the control task:\n{}", panics::reasons());
+            println!("Panics that are allowed outside the control task:\n{}", panics::reasons(lists));
             panics::check(&graph)?;
         }
         if self.stack { bound.check() } else { Ok(()) }
@@ -113,7 +114,7 @@ impl Command {
 /// Stack and static RAM of an image as a page of the documentation.
 fn budget(path: &Path) -> Result<String> {
     let image = code::Image::read(path)?;
-    let graph = graph::Graph::new(&image)?;
+    let graph = graph::Graph::new(&image, &lists::B_L475E_IOT01A)?;
     let stack = stack::Bound::new(&image, &graph)?.table(&graph, false);
     let ram = ram::table(path)?;
     Ok(format!(
@@ -123,22 +124,29 @@ fn budget(path: &Path) -> Result<String> {
     ))
 }
 
-/// Stack, static RAM and reachable panics of the image: name, value and unit of each figure.
+/// Stack and reachable panics of the images that are analysed, and the free static RAM of the first: name, value and unit of each figure.
 ///
 /// # Errors
-/// When the image does not build or cannot be analysed.
-pub fn figures() -> Result<[(&'static str, f64, &'static str); 5]> {
-    let path = build()?;
+/// When an image does not build or cannot be analysed.
+pub fn figures() -> Result<Vec<(String, f64, &'static str)>> {
+    let mut figures = analysed("image", Board::BL475eIot01a)?;
+    figures.push(("image: free static RAM".to_owned(), ram::free_bytes(&build()?)? as f64, "bytes"));
+    figures.extend(analysed("pico", Board::Pico)?);
+    Ok(figures)
+}
+
+fn analysed(name: &str, board: Board) -> Result<Vec<(String, f64, &'static str)>> {
+    let path = build_for(board)?;
     let image = code::Image::read(&path)?;
-    let graph = graph::Graph::new(&image)?;
+    let lists = board.lists().context("the image of this board is not analysed")?;
+    let graph = graph::Graph::new(&image, lists)?;
     let bound = stack::Bound::new(&image, &graph)?;
     let (bytes, size) = (f64::from(bound.bytes()), f64::from(bound.size()));
-    Ok([
-        ("image: stack by static bound", bytes, "bytes"),
-        ("image: stack by static bound, share", (1000.0 * bytes / size).round() / 10.0, "%"),
-        ("image: free static RAM", ram::free_bytes(&path)? as f64, "bytes"),
-        ("image: panics that the control tick can reach", panics::in_control(&graph)? as f64, ""),
-        ("image: panics of other tasks that the list does not allow", panics::unlisted(&graph)? as f64, ""),
+    Ok(vec![
+        (format!("{name}: stack by static bound"), bytes, "bytes"),
+        (format!("{name}: stack by static bound, share"), (1000.0 * bytes / size).round() / 10.0, "%"),
+        (format!("{name}: panics that the control tick can reach"), panics::in_control(&graph)? as f64, ""),
+        (format!("{name}: panics of other tasks that the list does not allow"), panics::unlisted(&graph)? as f64, ""),
     ])
 }
 
@@ -159,15 +167,17 @@ pub fn sizes(elf: &Path) -> Result<[(&'static str, f64); 2]> {
     Ok([("flash of the image", flash), ("RAM of the image without its stack", ram)])
 }
 
-/// Checks the stack's bound and the panics of a built image, and prints the bound.
+/// Builds the image of a board, checks the bound of its stack and its panics, and prints the bound.
 ///
 /// # Errors
 ///
-/// The image cannot be read or analysed, the stack may need more than its share, the control tick can panic, or other
+/// The image cannot be built, read or analysed, the stack may need more than its share, the control tick can panic, or other
 /// code can panic at a place that is not listed.
-pub fn check(path: &Path) -> Result<()> {
-    let image = code::Image::read(path)?;
-    let graph = graph::Graph::new(&image)?;
+pub fn check(board: Board) -> Result<()> {
+    let path = build_for(board)?;
+    let Some(lists) = board.lists() else { return Ok(()) };
+    let image = code::Image::read(&path)?;
+    let graph = graph::Graph::new(&image, lists)?;
     let bound = stack::Bound::new(&image, &graph)?;
     eprint!("{}", bound.table(&graph, false));
     bound.check()?;

@@ -60,9 +60,7 @@ impl Test {
         for target in [TARGET, SMALL_TARGET] {
             cargo(&["build", "--package", "darm-core", "--target", target])?;
         }
-        image::check(&image::build()?)?;
-        image::build_for(Board::Pico)?;
-        image::build_for(Board::OlimexStm32H405)?;
+        Board::ALL.into_iter().try_for_each(image::check)?;
         image::check_that_kinematics_cannot_panic()?;
         let mut tests = command(&["test", "--workspace"]);
         if has_emulator {

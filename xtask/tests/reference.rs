@@ -29,7 +29,7 @@ const LISTS: [(&str, &str, &str); 11] = [
     ("docs/wire.md", "shared/src/table/error.rs", "RowError"),
     ("docs/wire.md", "shared/src/output/wiring_error.rs", "WiringError"),
     ("docs/wire.md", "shared/src/profile/mismatch.rs", "Mismatch"),
-    ("docs/wire.md", "shared/src/profile.rs", "ProfileError"),
+    ("docs/wire.md", "shared/src/profile/error.rs", "ProfileError"),
     ("docs/formats.md", "shared/src/profile.rs", "ProfileRecord"),
     ("docs/formats.md", "shared/src/output.rs", "Drive"),
 ];

@@ -88,7 +88,7 @@ impl Bench {
         }
         if self.what.image {
             for (name, value, unit) in xtask::image::figures()? {
-                figures.push(Figure::new(name, value, unit)?);
+                figures.push(Figure::new(&name, value, unit)?);
             }
         }
         if self.what.upload {

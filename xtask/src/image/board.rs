@@ -2,6 +2,7 @@
 
 use clap::ValueEnum;
 
+use super::lists::{self, Lists, pico};
 use crate::setup::{self, Emulator};
 
 /// A board.
@@ -44,6 +45,15 @@ impl Board {
         match self {
             Self::BL475eIot01a | Self::OlimexStm32H405 => setup::TARGET,
             Self::Pico => setup::SMALL_TARGET,
+        }
+    }
+
+    /// What its code does not say of itself; `None` where the image is not analysed.
+    pub(crate) fn lists(self) -> Option<&'static Lists> {
+        match self {
+            Self::BL475eIot01a => Some(&lists::B_L475E_IOT01A),
+            Self::Pico => Some(&pico::PICO),
+            Self::OlimexStm32H405 => None,
         }
     }
 

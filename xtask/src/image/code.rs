@@ -33,6 +33,8 @@ pub(crate) struct Function {
     pub(crate) constants: Vec<u32>,
     /// It changes the stack pointer by an amount that is not in the instruction.
     pub(crate) frame_unknown: bool,
+    /// Address of the word from which a branch of the linker's takes its target.
+    pub(crate) branch_target: Option<u32>,
 }
 
 /// A direct call.
@@ -60,8 +62,9 @@ impl Image {
     pub(crate) fn read(path: &Path) -> Result<Self> {
         let bytes = std::fs::read(path).with_context(|| format!("{} cannot be read", path.display()))?;
         let file = object::File::parse(&*bytes).with_context(|| format!("{} is not an ELF file", path.display()))?;
-        let sections =
-            file.sections().filter(|section| [".text", ".rodata", ".data"].contains(&section.name().unwrap_or("")));
+        let sections = file
+            .sections()
+            .filter(|section| [".text", ".rodata", ".data", ".fast"].contains(&section.name().unwrap_or("")));
         let constants: Vec<(u32, Vec<u8>)> =
             sections.map(|section| Ok((section.address() as u32, section.data()?.to_vec()))).collect::<Result<_>>()?;
         let address = |name: &str| file.symbol_by_name(name).map(|symbol| symbol.address() as u32);
@@ -110,19 +113,37 @@ impl Image {
 
     fn function(&self, address: u32, size: u32, name: String, stretches: &BTreeMap<u32, Stretch>) -> Function {
         let mut function = Function { name, ..Function::default() };
-        let (inside, mut low) = (address..address + size, BTreeMap::new());
+        let is_thunk = function.name.starts_with(THUNK);
+        let (inside, mut low, mut literals) = (address..address + size, BTreeMap::new(), BTreeMap::new());
+        let mut below_frame = None;
         for (at, op) in self.operations(address, size, stretches) {
             match op {
+                // An ARMv6-M has no other branch that reaches the end of a long function.
+                Op::Call(to) if to != address && inside.contains(&to) => {}
                 Op::Call(to) => function.calls.push(Call { at, to, is_tail: false }),
                 Op::Branch(to) if !inside.contains(&to) => function.calls.push(Call { at, to, is_tail: true }),
                 Op::CallRegister | Op::BranchRegister => function.calls_indirectly = true,
                 Op::Push(bytes) => function.frame += bytes,
                 Op::StackUnknown => function.frame_unknown = true,
+                // A large frame of an ARMv6-M is a negative constant; its end adds or restores what its begin took.
+                Op::AddToStack(register) => match literals.get(&register) {
+                    Some(constant) => function.frame += u32::try_from(-i64::from(*constant)).unwrap_or(0),
+                    None => function.frame_unknown = true,
+                },
+                Op::BelowFrame(register) => below_frame = Some(register),
+                Op::SetStack(register) => function.frame_unknown |= below_frame != Some(register),
+                Op::Literal(_, place) if is_thunk => {
+                    function.branch_target = Some(place);
+                    function.calls.extend(self.word(place).map(|to| Call { at, to: to & !1, is_tail: true }));
+                }
+                Op::Literal(register, place) => {
+                    literals.extend(self.word(place).map(|word| (register, word as i32)));
+                }
                 Op::Low(register, value) => drop(low.insert(register, value)),
                 Op::High(register, high) => {
                     function.constants.extend(low.get(&register).map(|low| (high << 16 | low) & !1));
                 }
-                Op::Branch(_) | Op::Literal(..) | Op::Other => {}
+                Op::Branch(_) | Op::Other => {}
             }
         }
         function
@@ -163,8 +184,10 @@ impl Image {
 
     /// Functions whose addresses are values somewhere in the image: whom an indirect call may reach.
     pub(crate) fn address_taken(&self) -> BTreeSet<u32> {
-        let words = self.constants.iter().flat_map(|(_, bytes)| bytes.chunks_exact(4));
-        let values = words.filter_map(|word| Some(u32::from_le_bytes(word.try_into().ok()?)));
+        let branches: BTreeSet<u32> = self.functions.values().filter_map(|function| function.branch_target).collect();
+        let words = self.constants.iter().flat_map(|(base, bytes)| (*base..).step_by(4).zip(bytes.chunks_exact(4)));
+        let words = words.filter(|(at, _)| !branches.contains(at));
+        let values = words.filter_map(|(_, word)| Some(u32::from_le_bytes(word.try_into().ok()?)));
         let in_data = values.filter(|value| value & 1 == 1).map(|value| value & !1);
         let in_code = self.functions.values().flat_map(|function| function.constants.iter().copied());
         in_data.chain(in_code).filter(|address| self.functions.contains_key(address)).collect()
@@ -199,6 +222,9 @@ impl Image {
         name.ends_with(".rs").then(|| Some(format!("{name}:{}:{}", line?, column?)))?
     }
 }
+
+/// Begin of the names of what the linker puts where a branch does not reach its target: it loads the target from a constant.
+const THUNK: &str = "__Thumbv6MABSLongThunk";
 
 /// Bytes of code in which a constant is sought before a call.
 const LOOK_BACK: u32 = 40;

@@ -5,11 +5,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use anyhow::{Result, bail};
 
 use super::code::{Call, Function, Image};
-use super::lists::{Callee, INDIRECT, NEVER_CALLED, RECURSION};
+use super::lists::{Callee, Lists};
 
 /// The image's functions with the indirect calls resolved.
 pub(crate) struct Graph<'i> {
     pub(crate) image: &'i Image,
+    pub(crate) lists: &'static Lists,
     /// Callees of each function.
     edges: BTreeMap<u32, Vec<Call>>,
 }
@@ -23,7 +24,7 @@ pub(crate) struct Chain {
     pub(crate) functions: Vec<u32>,
 }
 
-/// How often each function of [`RECURSION`] may still be entered.
+/// How often each function of [`Lists::recursion`] may still be entered.
 type Entries = Vec<u32>;
 
 impl<'i> Graph<'i> {
@@ -32,12 +33,16 @@ impl<'i> Graph<'i> {
     /// # Errors
     /// For functions that call indirectly and are not in the list, and for functions whose addresses are values somewhere
     /// and that no rule of the list reaches.
-    pub(crate) fn new(image: &'i Image) -> Result<Self> {
+    pub(crate) fn new(image: &'i Image, lists: &'static Lists) -> Result<Self> {
         let (mut edges, mut missing) = (BTreeMap::new(), Vec::new());
         for (&address, function) in &image.functions {
             let mut calls = function.calls.clone();
             if function.calls_indirectly {
-                match INDIRECT.iter().find(|rule| rule.callers.iter().any(|caller| function.name.contains(caller))) {
+                match lists
+                    .indirect
+                    .iter()
+                    .find(|rule| rule.callers.iter().any(|caller| function.name.contains(caller)))
+                {
                     Some(rule) => calls.extend(callees(image, rule.callees)),
                     None => missing.push(function.name.as_str()),
                 }
@@ -48,16 +53,16 @@ impl<'i> Graph<'i> {
             bail!("{LISTS} does not list whom these call indirectly:\n  {}", missing.join("\n  "));
         }
         let listed: BTreeSet<u32> =
-            INDIRECT.iter().flat_map(|rule| callees(image, rule.callees)).map(|call| call.to).collect();
+            lists.indirect.iter().flat_map(|rule| callees(image, rule.callees)).map(|call| call.to).collect();
         let unlisted: Vec<&str> = image.address_taken().difference(&listed).map(|at| name(image, *at)).collect();
-        let unlisted: Vec<&str> = unlisted.into_iter().filter(|name| !NEVER_CALLED.contains(name)).collect();
+        let unlisted: Vec<&str> = unlisted.into_iter().filter(|name| !lists.never_called.contains(name)).collect();
         if !unlisted.is_empty() {
             bail!(
                 "no indirect call of {LISTS} reaches these, but their addresses are taken:\n  {}",
                 unlisted.join("\n  ")
             );
         }
-        Ok(Self { image, edges })
+        Ok(Self { image, lists, edges })
     }
 
     /// The function of this name.
@@ -94,7 +99,7 @@ impl<'i> Graph<'i> {
     /// # Errors
     /// For recursion that is not listed, and for a frame of unknown size.
     pub(crate) fn deepest(&self, root: u32, stop: &dyn Fn(&str) -> bool) -> Result<Chain> {
-        let entries = RECURSION.iter().map(|rule| rule.depth).collect();
+        let entries = self.lists.recursion.iter().map(|rule| rule.depth).collect();
         Search { graph: self, stop, known: BTreeMap::new(), open: Vec::new() }.deepest(root, entries)
     }
 }
@@ -122,7 +127,9 @@ struct Search<'g, 'i> {
 impl Search<'_, '_> {
     fn deepest(&mut self, from: u32, mut entries: Entries) -> Result<Chain> {
         let name = self.graph.name(from);
-        if let Some((_, left)) = RECURSION.iter().zip(&mut entries).find(|(rule, _)| name == rule.function) {
+        if let Some((_, left)) =
+            self.graph.lists.recursion.iter().zip(&mut entries).find(|(rule, _)| name == rule.function)
+        {
             let Some(fewer) = left.checked_sub(1) else { return Ok(Chain::default()) };
             *left = fewer;
         }
@@ -165,6 +172,7 @@ impl Search<'_, '_> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::lists::B_L475E_IOT01A;
     use super::*;
 
     /// Functions at 0, 2, 4, … with name, frame, calls and tail calls.
@@ -178,7 +186,7 @@ mod tests {
     }
 
     fn deepest(image: &Image) -> Result<Chain> {
-        Graph::new(image)?.deepest(0, &|name| name == "end")
+        Graph::new(image, &B_L475E_IOT01A)?.deepest(0, &|name| name == "end")
     }
 
     #[test]
@@ -203,7 +211,7 @@ mod tests {
     fn recursion_is_rejected_unless_it_is_listed() {
         let error = deepest(&image(&[("root", 8, &[2], &[]), ("a", 8, &[4], &[]), ("b", 8, &[2], &[])])).unwrap_err();
         assert!(error.to_string().contains("a\n  b"), "{error}");
-        let listed = &RECURSION[0];
+        let listed = &B_L475E_IOT01A.recursion[0];
         let image = image(&[("root", 8, &[2], &[]), (listed.function, 10, &[4], &[]), ("b", 1, &[2], &[])]);
         assert_eq!(deepest(&image).unwrap().bytes, 8 + listed.depth * 11);
     }

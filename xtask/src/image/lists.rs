@@ -1,5 +1,7 @@
 //! What the machine code does not say: whom indirect calls reach, how deep recursion goes, what may panic and why.
 
+pub(crate) mod pico;
+
 /// Whom the indirect calls of functions can reach.
 pub(crate) struct Indirect {
     /// Parts of the callers' names.
@@ -15,6 +17,69 @@ pub(crate) enum Callee {
 
 use Callee::Named;
 
+/// What the code of one board's image does not say.
+pub(crate) struct Lists {
+    pub(crate) indirect: &'static [Indirect],
+    /// Their addresses are in vtables, and nothing calls them through these.
+    pub(crate) never_called: &'static [&'static str],
+    /// Functions by which every recursion of the image passes.
+    pub(crate) recursion: &'static [Recursion],
+    /// What ends a start.
+    pub(crate) ends: &'static [&'static str],
+    /// What has returned before the first task starts.
+    pub(crate) before_tasks: &'static [&'static str],
+    /// What moves the last task to its place: it has returned before that task runs, which has the lowest priority.
+    pub(crate) last_spawn: &'static [&'static str],
+    /// Handlers by priority, the lowest first.
+    pub(crate) levels: &'static [Level],
+    /// Of these, those that can interrupt only the tasks and not the start.
+    pub(crate) at_start: usize,
+    /// Bytes that the processor pushes when it enters an interrupt, with alignment.
+    pub(crate) exception_frame: u32,
+    /// The interrupt that runs the control tick.
+    pub(crate) control: &'static str,
+    /// Panics outside of it that may stay.
+    pub(crate) may_panic: &'static [&'static [MayPanic]],
+}
+
+/// Handlers of one priority.
+pub(crate) struct Level {
+    pub(crate) name: &'static str,
+    pub(crate) handlers: &'static [&'static str],
+    /// Parts of the names of what its tasks never call: an executor may poll any task, as far as the code shows.
+    pub(crate) never: &'static [&'static str],
+}
+
+impl Level {
+    const fn of(name: &'static str, handlers: &'static [&'static str]) -> Self {
+        Self { name, handlers, never: &[] }
+    }
+}
+
+/// The B-L475E-IOT01A. `board::prioritise` in its firmware sets the levels.
+pub(crate) static B_L475E_IOT01A: Lists = Lists {
+    indirect: INDIRECT,
+    never_called: NEVER_CALLED,
+    recursion: RECURSION,
+    ends: ENDS,
+    before_tasks: BEFORE_TASKS,
+    last_spawn: &[],
+    levels: &[
+        Level::of("console and servo tasks", &["SWPMI1"]),
+        Level::of("USARTs", &["USART1", "USART2", "DMA1_CHANNEL5", "DMA1_CHANNEL6"]),
+        Level::of("control task", &["TSC"]),
+        Level::of("clock", &["SysTick"]),
+        Level::of("NMI (flash ECC)", &["NonMaskableInt"]),
+        // Continues at the top of the stack's memory; only its frame is pushed here.
+        Level::of("hard fault", &[]),
+    ],
+    at_start: 3,
+    // With the floating-point registers, also where they are saved lazily.
+    exception_frame: 104 + 4,
+    control: "TSC",
+    may_panic: &[MAY_PANIC],
+};
+
 /// A function that every recursion of its kind passes.
 pub(crate) struct Recursion {
     pub(crate) function: &'static str,
@@ -23,7 +88,7 @@ pub(crate) struct Recursion {
 }
 
 /// The first rule of which a caller matches is taken. Functions of no rule call directly only.
-pub(crate) const INDIRECT: &[Indirect] = &[
+const INDIRECT: &[Indirect] = &[
     // All tasks run in the executor of this interrupt; the control tick is none.
     Indirect { callers: &["SWPMI1"], callees: &[Named("embassy_executor::raw::TaskStorage<F>::poll")] },
     // The chip's loader: nothing of this image runs after it.
@@ -102,11 +167,11 @@ pub(crate) const INDIRECT: &[Indirect] = &[
 ];
 
 /// Their addresses are in vtables, and nothing calls them through these: `Formatter::write_fmt` calls `core::fmt::write`.
-pub(crate) const NEVER_CALLED: &[&str] =
+const NEVER_CALLED: &[&str] =
     &["core::fmt::Write::write_fmt", "<core::fmt::builders::PadAdapter as core::fmt::Write>::write_fmt"];
 
 /// Functions by which every recursion of the image passes.
-pub(crate) const RECURSION: &[Recursion] = &[
+const RECURSION: &[Recursion] = &[
     // A message of a panic or an answer in text, the error in it, the error in that, its number.
     Recursion { function: "core::fmt::write", depth: 4 },
     // No type that is printed has a derived `Debug` within another one.
@@ -125,11 +190,11 @@ pub(crate) const RECURSION: &[Recursion] = &[
 
 /// What ends a start: outputs off, crash record, reset. Should its stack overflow, the hard fault handler does the same
 /// on a separate stack; so the bound leaves it out.
-pub(crate) const ENDS: &[&str] =
+const ENDS: &[&str] =
     &["__rustc::rust_begin_unwind", "darm_firmware::kept::keep", "darm_b_l475e_iot01a::fault::end_nmi"];
 
 /// What has returned before the first task starts, in the order of `tasks::start`.
-pub(crate) const BEFORE_TASKS: &[&str] = &[
+const BEFORE_TASKS: &[&str] = &[
     "darm_b_l475e_iot01a::tasks::dispatcher",
     "darm_b_l475e_iot01a::tasks::room",
     "darm_b_l475e_iot01a::tasks::table",
@@ -145,7 +210,7 @@ pub(crate) struct MayPanic {
 }
 
 /// The control task has no such list: nothing in it may panic.
-pub(crate) const MAY_PANIC: &[MayPanic] = &[
+const MAY_PANIC: &[MayPanic] = &[
     MayPanic { part: "panic_const_async_fn_resumed", reason: "the executor does not poll a task that has ended" },
     MayPanic { part: "sequential_storage::", reason: "positions in a page that the storage has checked before" },
     MayPanic { part: "sequential-storage-", reason: "the same, inlined" },

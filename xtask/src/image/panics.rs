@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use anyhow::{Result, bail};
 
 use super::graph::{Graph, LISTS};
-use super::lists::{ENDS, MAY_PANIC};
+use super::lists::Lists;
 
 /// A call that panics.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -26,7 +26,7 @@ impl std::fmt::Display for Panic {
 
 /// Every panic that the handler of an interrupt, or the reset, can reach.
 fn reachable(graph: &Graph<'_>, root: &str) -> Result<BTreeSet<Panic>> {
-    let ends = |name: &str| is_entry(name) || ENDS.contains(&name);
+    let ends = |name: &str| is_entry(name) || graph.lists.ends.contains(&name);
     let functions = graph.reached(graph.named(root)?, ends);
     let calls = functions.into_iter().filter(|from| !ends(graph.name(*from)));
     let calls = calls.flat_map(|from| graph.calls(from).iter().map(move |call| (from, call)));
@@ -47,13 +47,13 @@ fn is_entry(name: &str) -> bool {
 
 /// Fails when the control tick can panic at all, or anything else outside the committed list.
 pub(crate) fn check(graph: &Graph<'_>) -> Result<()> {
-    let control = reachable(graph, CONTROL)?;
+    let control = reachable(graph, graph.lists.control)?;
     let others = others(graph)?;
     if control.is_empty() && others.is_empty() {
         return Ok(());
     }
     bail!(
-        "the control task can panic at {} places:\n{}other tasks can at {} that MAY_PANIC in {LISTS} does not list:\n{}",
+        "the control task can panic at {} places:\n{}other tasks can at {} that the list of {LISTS} does not list:\n{}",
         control.len(),
         lines(&control),
         others.len(),
@@ -65,10 +65,11 @@ pub(crate) fn check(graph: &Graph<'_>) -> Result<()> {
 fn others(graph: &Graph<'_>) -> Result<BTreeSet<Panic>> {
     let allowed = |panic: &Panic| {
         let line = panic.to_string();
-        MAY_PANIC.iter().any(|rule| line.contains(rule.part))
+        graph.lists.may_panic.iter().copied().flatten().any(|rule| line.contains(rule.part))
     };
     let mut others = BTreeSet::new();
-    for root in OTHERS {
+    let handlers = graph.lists.levels.iter().flat_map(|level| level.handlers);
+    for root in std::iter::once(&"Reset").chain(handlers).filter(|root| **root != graph.lists.control) {
         others.extend(reachable(graph, root)?.into_iter().filter(|panic| !allowed(panic)));
     }
     Ok(others)
@@ -76,7 +77,7 @@ fn others(graph: &Graph<'_>) -> Result<BTreeSet<Panic>> {
 
 /// How many panics the control task can reach.
 pub(crate) fn in_control(graph: &Graph<'_>) -> Result<usize> {
-    Ok(reachable(graph, CONTROL)?.len())
+    Ok(reachable(graph, graph.lists.control)?.len())
 }
 
 /// How many panics other tasks can reach that the committed list does not allow.
@@ -85,15 +86,9 @@ pub(crate) fn unlisted(graph: &Graph<'_>) -> Result<usize> {
 }
 
 /// The panics that the list allows, with the reasons.
-pub(crate) fn reasons() -> String {
-    MAY_PANIC.iter().map(|rule| format!("  {}: {}\n", rule.part, rule.reason)).collect()
+pub(crate) fn reasons(lists: &Lists) -> String {
+    lists.may_panic.iter().copied().flatten().map(|rule| format!("  {}: {}\n", rule.part, rule.reason)).collect()
 }
-
-/// The interrupt that runs the control task.
-const CONTROL: &str = "TSC";
-/// Everything else that runs.
-const OTHERS: [&str; 8] =
-    ["Reset", "SWPMI1", "USART1", "USART2", "DMA1_CHANNEL5", "DMA1_CHANNEL6", "SysTick", "NonMaskableInt"];
 
 /// One a line.
 fn lines(panics: &BTreeSet<Panic>) -> String {

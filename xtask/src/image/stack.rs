@@ -11,38 +11,24 @@ use anyhow::{Result, bail};
 
 use super::code::Image;
 use super::graph::{Chain, Graph};
-use super::lists::{BEFORE_TASKS, ENDS};
+use super::lists::Level;
 
-/// Bytes that the processor pushes when it enters an interrupt, with alignment.
-const EXCEPTION_FRAME: u32 = 104 + 4;
 /// Largest part of the stack that the bound may take, percent.
 const MAX_PERCENT: u32 = 85;
 
-/// Handlers of one priority. `board::prioritise` in the firmware sets them.
-struct Level {
-    name: &'static str,
-    handlers: &'static [&'static str],
-}
-
-/// Lowest priority first.
-const LEVELS: [Level; 6] = [
-    Level { name: "console and servo tasks", handlers: &["SWPMI1"] },
-    Level { name: "USARTs", handlers: &["USART1", "USART2", "DMA1_CHANNEL5", "DMA1_CHANNEL6"] },
-    Level { name: "control task", handlers: &["TSC"] },
-    Level { name: "clock", handlers: &["SysTick"] },
-    Level { name: "NMI (flash ECC)", handlers: &["NonMaskableInt"] },
-    // Continues at the top of the stack's memory; only its frame is pushed here.
-    Level { name: "hard fault", handlers: &[] },
-];
-/// Of [`LEVELS`], those that can interrupt the start, before the tasks run.
-const AT_START: usize = 3;
-
-/// The deepest chain of each level, at start and while the tasks run.
+/// The deepest chain of each level in each part of a run.
 pub(crate) struct Bound {
-    start: Vec<(&'static str, Chain)>,
-    run: Vec<(&'static str, Chain)>,
+    phases: Vec<Phase>,
+    exception_frame: u32,
     /// Bytes of the stack's memory.
     size: u32,
+}
+
+/// A part of a run.
+struct Phase {
+    title: &'static str,
+    /// That of `main` first, then those that can interrupt it.
+    levels: Vec<(&'static str, Chain)>,
 }
 
 impl Bound {
@@ -51,21 +37,32 @@ impl Bound {
     /// # Errors
     /// When a call or a recursion cannot be resolved, see [`super::lists`].
     pub(crate) fn new(image: &Image, graph: &Graph<'_>) -> Result<Self> {
-        let ends = |name: &str| ENDS.contains(&name);
-        let returned = |name: &str| ends(name) || BEFORE_TASKS.contains(&name);
-        let reset = graph.named("Reset")?;
-        let levels = LEVELS.iter().map(|level| Ok((level.name, deepest_of(graph, level, &ends)?)));
+        let lists = graph.lists;
+        let levels = lists.levels.iter().map(|level| Ok((level.name, deepest_of(graph, level)?)));
         let levels = levels.collect::<Result<Vec<_>>>()?;
-        let mut start = vec![("main, start", graph.deepest(reset, &ends)?)];
-        start.extend(levels.iter().skip(AT_START).cloned());
-        let mut run = vec![("main, tasks run", graph.deepest(reset, &returned)?)];
-        run.extend(levels);
-        Ok(Self { start, run, size: image.stack_bytes()? })
+        let phase = |title, name, returned: &[&[&str]], from| -> Result<Phase> {
+            let stop = |name: &str| lists.ends.contains(&name) || returned.iter().any(|names| names.contains(&name));
+            let main = (name, graph.deepest(graph.named("Reset")?, &stop)?);
+            Ok(Phase { title, levels: std::iter::once(main).chain(levels.iter().skip(from).cloned()).collect() })
+        };
+        let mut phases = vec![phase("At start", "main, start", &[], lists.at_start)?];
+        if !lists.last_spawn.is_empty() {
+            let title = "While the last task moves to its place";
+            phases.push(phase(title, "main, spawns", &[lists.before_tasks], 1)?);
+        }
+        let returned = [lists.before_tasks, lists.last_spawn];
+        phases.push(phase("While the tasks run", "main, tasks run", &returned, 0)?);
+        Ok(Self { phases, exception_frame: lists.exception_frame, size: image.stack_bytes()? })
     }
 
     /// The bound in bytes.
     pub(crate) fn bytes(&self) -> u32 {
-        total(&self.start).max(total(&self.run))
+        self.phases.iter().map(|phase| self.total(&phase.levels)).max().unwrap_or(0)
+    }
+
+    fn total(&self, levels: &[(&str, Chain)]) -> u32 {
+        let frames = self.exception_frame * (levels.len() as u32 - 1);
+        frames + levels.iter().map(|(_, chain)| chain.bytes).sum::<u32>()
     }
 
     /// The size of the stack in bytes.
@@ -76,10 +73,10 @@ impl Bound {
     /// The levels with their deepest chains; each function with its frame when `with_chains`.
     pub(crate) fn table(&self, graph: &Graph<'_>, with_chains: bool) -> String {
         let mut text = String::new();
-        for (title, levels) in [("At start", &self.start), ("While the tasks run", &self.run)] {
-            let _ = writeln!(text, "{title}: {} bytes\n", total(levels));
+        for Phase { title, levels } in &self.phases {
+            let _ = writeln!(text, "{title}: {} bytes\n", self.total(levels));
             for (index, (name, chain)) in levels.iter().enumerate() {
-                let pushed = if index == 0 { 0 } else { EXCEPTION_FRAME };
+                let pushed = if index == 0 { 0 } else { self.exception_frame };
                 let _ = writeln!(text, "{:8} + {pushed:3}  {name}", chain.bytes);
                 for at in chain.functions.iter().filter(|_| with_chains) {
                     let frame = graph.image.functions.get(at).map_or(0, |function| function.frame);
@@ -106,15 +103,11 @@ impl Bound {
     }
 }
 
-fn total(levels: &[(&str, Chain)]) -> u32 {
-    let frames = EXCEPTION_FRAME * (levels.len() as u32 - 1);
-    frames + levels.iter().map(|(_, chain)| chain.bytes).sum::<u32>()
-}
-
-fn deepest_of(graph: &Graph<'_>, level: &Level, ends: &dyn Fn(&str) -> bool) -> Result<Chain> {
+fn deepest_of(graph: &Graph<'_>, level: &Level) -> Result<Chain> {
+    let stop = |name: &str| graph.lists.ends.contains(&name) || level.never.iter().any(|part| name.contains(part));
     let mut deepest = Chain::default();
     for handler in level.handlers {
-        let chain = graph.deepest(graph.named(handler)?, ends)?;
+        let chain = graph.deepest(graph.named(handler)?, &stop)?;
         if chain.bytes > deepest.bytes {
             deepest = chain;
         }

@@ -15,6 +15,12 @@ pub(crate) enum Op {
     Push(u32),
     /// Changes the stack pointer by an amount that the instruction does not name.
     StackUnknown,
+    /// Adds a register to the stack pointer.
+    AddToStack(u8),
+    /// Puts an address just below the frame pointer into a register.
+    BelowFrame(u8),
+    /// Sets the stack pointer to a register.
+    SetStack(u8),
     /// Puts the low half of a constant into a register.
     Low(u8, u32),
     /// Puts the high half of a constant into a register.
@@ -55,10 +61,12 @@ fn decode_narrow(at: u32, op: u16) -> Op {
         _ if op & 0xFE00 == 0xB400 => Op::Push(4 * (op & 0x1FF).count_ones()),
         _ if op & 0xFF80 == 0xB080 => Op::Push(4 * u32::from(op & 0x7F)),
         _ if op & 0xF800 == 0x4800 => Op::Literal((op >> 8 & 7) as u8, relative(at & !3, 4 * i32::from(op & 0xFF))),
-        // MOV and ADD of high registers.
-        _ if op & 0xFF87 == 0x4687 => Op::BranchRegister,
-        _ if op & 0xFF87 == 0x4487 => Op::BranchRegister,
-        _ if op & 0xFF87 == 0x4685 || op & 0xFF87 == 0x4485 => Op::StackUnknown,
+        // MOV and ADD to the program counter: the table of a `match`, within the function. A call or its last one is BLX or BX.
+        _ if op & 0xFF87 == 0x4687 || op & 0xFF87 == 0x4487 => Op::Other,
+        _ if op & 0xFF87 == 0x4685 => Op::SetStack(register as u8),
+        _ if op & 0xFF87 == 0x4485 => Op::AddToStack(register as u8),
+        // SUBS of a small constant from R7, the frame pointer.
+        _ if op & 0xFE38 == 0x1E38 => Op::BelowFrame((op & 7) as u8),
         _ => Op::Other,
     }
 }
@@ -164,10 +172,14 @@ mod tests {
             ((0xED2D, 0x8B10), Op::Push(64)),            // vpush {d8-d15}
             ((0xF84D, 0x4D08), Op::Push(8)),             // str r4, [sp, #-8]!
             ((0xEBAD, 0x0D04), Op::StackUnknown),        // sub.w sp, sp, r4
-            ((0x46A5, 0), Op::StackUnknown),             // mov sp, r4
+            ((0x46A5, 0), Op::SetStack(4)),              // mov sp, r4
             ((0xF241, 0x2034), Op::Low(0, 0x1234)),      // movw r0, #0x1234
             ((0xF6C0, 0x0100), Op::High(1, 0x0800)),     // movt r1, #0x800
             ((0x4A01, 0), Op::Literal(2, 0x0800_1008)),  // ldr r2, [pc, #4]
+            ((0x44B5, 0), Op::AddToStack(6)),            // add sp, r6
+            ((0x1FFE, 0), Op::BelowFrame(6)),            // subs r6, r7, #7
+            ((0x46B5, 0), Op::SetStack(6)),              // mov sp, r6
+            ((0x4687, 0), Op::Other),                    // mov pc, r0
             ((0xF85D, 0xFB04), Op::Other),               // pop {pc}
             ((0xF852, 0xF023), Op::BranchRegister),      // ldr.w pc, [r2, r3, lsl #2]
             ((0xF3BF, 0x8F4F), Op::Other),               // dsb
