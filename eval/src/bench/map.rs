@@ -117,7 +117,7 @@ fn fine() -> Result<Vec<Figure>> {
     let arm = Arm::read(&setup::root().join("examples/spatial3.toml"))?;
     let resolution = Resolution::new(FINE_M, 10f64.to_radians());
     let run = || -> Result<usize> {
-        let map = Map::new(&arm, &[], resolution, |_| ())?;
+        let map = Map::new(&arm, &[], resolution, |_| true)?;
         Ok(holes(&map.spots(), false).len())
     };
     let (enclosed, took_ms) = best_of(1, run);
@@ -153,7 +153,7 @@ fn planar(random: &mut ChaCha8Rng) -> Result<Vec<Figure>> {
         }
         for (apart, cell_mm) in apart.iter_mut().zip(CELLS_MM) {
             let resolution = Resolution { cell_m: 1e-3 * cell_mm, cell_rad: 2e-3 * cell_mm, max_exact: 1 };
-            let map = Map::with_layers(&arm, &[], resolution, |_| (), |_| ())?;
+            let map = Map::with_layers(&arm, &[], resolution, |_| true, |_| ())?;
             let mut exact = Shares::default();
             positions.iter().for_each(|at| exact.add(at, COARSE_M, resolution.cell_m, 1.0 / f64::from(words)));
             lost += (map.words() - f64::from(words)).abs();
@@ -200,7 +200,7 @@ fn random_words(tables: &Tables, resolution: &Resolution, random: &mut ChaCha8Rn
 fn spatial_map(random: &mut ChaCha8Rng) -> Result<Vec<Figure>> {
     let arm = spatial(random)?;
     let resolution = Resolution::new(0.02, 10f64.to_radians());
-    let (map, took_ms) = best_of(1, || Map::new(&arm, &[], resolution, |_| ()));
+    let (map, took_ms) = best_of(1, || Map::new(&arm, &[], resolution, |_| true));
     let map = map?;
     let memory_gib = peak_memory_gib();
     let tables = Tables::new(&arm);
@@ -210,7 +210,7 @@ fn spatial_map(random: &mut ChaCha8Rng) -> Result<Vec<Figure>> {
         &arm,
         &[],
         Resolution { max_exact: EXACT, ..resolution },
-        |_| (),
+        |_| true,
         |layer| {
             let mut own = Shares::default();
             own.add_cells(layer.cells(), COARSE_JOINT_M, resolution.cell_m, words);

@@ -138,7 +138,7 @@ function targetChanged() {
 
 function servosChanged() {
   search.ask();
-  slices.ask();
+  askForMap();
 }
 
 // ---------------------------------------------------------------- the search
@@ -216,7 +216,7 @@ async function poll() {
     try {
       const { searching, mapping, ordering } = await get('/api/reach');
       showRunning(search.running && searching, 'searching', 'search-progress');
-      showRunning(slices.running && mapping, 'density-note', 'density-progress');
+      showRunning(slices.running && mapping, slices.running && 'density-note', 'density-progress');
       showRunning(orders.running && ordering, null, 'order-progress');
     } catch {
       // The frame says that the server does not answer.
@@ -273,6 +273,8 @@ byId('cancel-order').addEventListener('click', () => {
 
 let slice = null;
 let sliced = '';
+// Until a person asks again: each movement of the target would start it.
+let isMapCancelled = false;
 
 const density = new DensityPlot(byId('density'), {
   chosen: ([u, v]) => {
@@ -285,7 +287,17 @@ const density = new DensityPlot(byId('density'), {
 
 const plane = () => AXES[byId('plane').value];
 const layer = () => (slice ? Math.round(target.position[plane()[2]] / slice.cell_m) : null);
-const needsSlice = () => slice === null || `${byId('plane').value} ${layer()}` !== sliced;
+const needsSlice = () => !isMapCancelled && (slice === null || `${byId('plane').value} ${layer()}` !== sliced);
+
+function setMapCancelled(isCancelled) {
+  isMapCancelled = isCancelled;
+  byId('form-density').hidden = !isCancelled;
+}
+
+function askForMap() {
+  setMapCancelled(false);
+  slices.ask();
+}
 
 const slices = new Latest(async (signal) => {
   const [name, at_m] = [byId('plane').value, target.position[plane()[2]]];
@@ -308,7 +320,13 @@ function markDensity() {
   density.mark([target.position[u], target.position[v]], tool && [tool[u], tool[v]]);
 }
 
-byId('plane').addEventListener('change', () => slices.ask());
+byId('plane').addEventListener('change', askForMap);
+byId('form-density').addEventListener('click', askForMap);
+byId('cancel-density').addEventListener('click', () => {
+  slices.cancel();
+  setMapCancelled(true);
+  setText(byId('density-note'), 'The density map was cancelled.');
+});
 
 // ---------------------------------------------------------------- all of it
 

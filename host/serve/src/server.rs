@@ -6,7 +6,6 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::channel;
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
 
 use axum::Router;
 use axum::extract::{DefaultBodyLimit, Request, State};
@@ -14,15 +13,16 @@ use axum::http::header::{self, HeaderName, HeaderValue};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
-use axum::serve::ListenerExt;
 use darm_arm::arm::Arm;
 use darm_arm::wired_arm::WiredArm;
 use darm_device::client::stop::StopHandle;
 use darm_device::link::{Link, LinkError};
 use tokio::sync::oneshot;
+use tower_http::timeout::RequestBodyTimeoutLayer;
 
 use crate::access::{Access, AccessError, Token};
 use crate::assets::ASSETS;
+use crate::connections::{self, PATIENCE};
 use crate::history::{self, History, HistoryError, ModelEntry};
 use crate::hub::{Hub, HubParts};
 use crate::refusal::Refused;
@@ -31,8 +31,6 @@ use crate::{api, diagnosis, pages, reach};
 
 /// Largest body of a request: a table of 1024 rows has 60 kB.
 const MAX_BODY: usize = 1 << 18;
-/// What still runs when the server ends is given this time.
-const ENDING: Duration = Duration::from_secs(2);
 
 /// Headers of every answer: nothing is loaded from elsewhere, and no other site may embed a page.
 const HEADERS: [(HeaderName, &str); 5] = [
@@ -129,8 +127,8 @@ impl Server {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;
         let router = router(Arc::clone(&hub), access);
         let http = move || {
-            let served = runtime.block_on(serve(listener, router, ended));
-            runtime.shutdown_timeout(ENDING);
+            let served = runtime.block_on(connections::serve(listener, router, ended));
+            runtime.shutdown_timeout(connections::ENDING);
             if let Err(error) = served {
                 eprintln!("darm serve: {error}");
             }
@@ -172,24 +170,6 @@ fn add_arm(history: &History, arm: &Arm) -> Result<(), HistoryError> {
     history.add_model(&model, history::now_ms())
 }
 
-/// Answers requests until `ended` is sent or its sender is gone.
-async fn serve(listener: TcpListener, router: Router, ended: oneshot::Receiver<()>) -> io::Result<()> {
-    let listener = tokio::net::TcpListener::from_std(listener)?.tap_io(|stream| {
-        // Where it fails answers come a little later.
-        let _ = stream.set_nodelay(true);
-    });
-    let (begin, begun) = oneshot::channel::<()>();
-    let served = axum::serve(listener, router).with_graceful_shutdown(async { drop(begun.await) });
-    let served = tokio::spawn(served.into_future());
-    drop(ended.await);
-    drop(begin);
-    match tokio::time::timeout(ENDING, served).await {
-        Ok(served) => served.map_err(io::Error::other)?,
-        // A client that has sent half a request does not hold up the end.
-        Err(_elapsed) => Ok(()),
-    }
-}
-
 fn router(hub: Arc<Hub>, access: Access) -> Router {
     let history = hub.history().cloned();
     let pages = pages::ALL
@@ -212,6 +192,7 @@ fn router(hub: Arc<Hub>, access: Access) -> Router {
         .merge(history::router(history))
         .merge(reach::router(hub))
         .layer(DefaultBodyLimit::max(MAX_BODY))
+        .layer(RequestBodyTimeoutLayer::new(PATIENCE))
         .layer(middleware::from_fn_with_state(Arc::new(access), guard))
 }
 

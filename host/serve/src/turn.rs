@@ -82,6 +82,12 @@ impl Turn {
 }
 
 impl Work {
+    /// Work that nobody waits for.
+    #[cfg(test)]
+    pub(crate) fn unwanted() -> Self {
+        Self { is_unwanted: Arc::new(AtomicBool::new(true)), progress: Arc::default() }
+    }
+
     /// Whether the page still waits for it.
     pub(crate) fn is_wanted(&self) -> bool {
         !self.is_unwanted.load(Ordering::Relaxed)

@@ -112,7 +112,11 @@ impl Map {
         let servos_rad = self.servos.rad(&arm)?;
         let start = Instant::now();
         let bar = ui.progress_bar("stages", 100, "%");
-        let map = Density::new(&arm, &servos_rad, resolution, |share| bar.set_position((100.0 * share) as u64))?;
+        let go_on = |share| {
+            bar.set_position((100.0 * share) as u64);
+            true
+        };
+        let map = Density::new(&arm, &servos_rad, resolution, go_on)?;
         bar.finish_and_clear();
         let planar = arm.model.chain.is_planar();
         let spots = map.spots();

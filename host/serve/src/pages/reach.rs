@@ -85,7 +85,8 @@ fn density() -> Markup {
                 }
             }
             p #density-note .note role="status" {}
-            div #density-progress .running hidden { progress aria-label="Density map" max="1" {} }
+            div #density-progress .running hidden { progress aria-label="Density map" max="1" {} button #cancel-density type="button" { "Cancel the map" } }
+            div.buttons { button #form-density type="button" hidden { "Form the map" } }
             div.scroll tabindex="0" role="region" aria-labelledby="density-title" { div #density {} }
         }
     }

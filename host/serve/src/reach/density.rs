@@ -88,7 +88,11 @@ impl Density {
         let cell_m = round_up(length_m / CELLS);
         // Orientations are not shown: few of their cells.
         let resolution = Resolution::new(cell_m, PI);
-        let map = Map::new(arm, servos_rad, resolution, |share| work.is_at("map", share)).map_err(refused)?;
+        let go_on = |share| {
+            work.is_at("map", share);
+            work.is_wanted()
+        };
+        let map = Map::new(arm, servos_rad, resolution, go_on).map_err(refused)?;
         Ok(Self { servos_rad: servos_rad.to_vec(), cell_m, spots: map.spots() })
     }
 
@@ -118,7 +122,19 @@ fn round_up(size: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::round_up;
+    use std::path::Path;
+
+    use darm_arm::arm::Arm;
+
+    use super::{Density, round_up};
+    use crate::turn::Work;
+
+    #[test]
+    fn a_map_that_nobody_waits_for_is_given_up() {
+        let arm = Arm::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/spatial3.toml")).unwrap();
+        let refused = Density::new(&arm, &[], &Work::unwanted()).err().unwrap();
+        assert!(refused.text.contains("given up"), "{}", refused.text);
+    }
 
     #[test]
     fn cells_have_round_edges() {

@@ -1,10 +1,11 @@
 //! Clients that are slow, many or hostile: the server lives, and a stop gets through.
 
-use std::io::Write as _;
+use std::io::{ErrorKind, Read as _, Write as _};
 use std::net::TcpStream;
 use std::thread;
 use std::time::{Duration, Instant};
 
+use darm_serve::connections::{MAX_CONNECTIONS, PATIENCE};
 use serde_json::json;
 
 use super::board::Bench;
@@ -22,19 +23,38 @@ fn upload(model: [&str; 2], data: [&str; 2]) -> Vec<u8> {
     format!("{head}\n{}{}", model[1], data[1]).into_bytes()
 }
 
+/// Connections with nothing, half of the headers, or half of a body.
+fn halves(bench: &Bench, count: usize) -> Vec<TcpStream> {
+    let head = format!("POST /api/diagnosis/run HTTP/1.1\r\nHost: {}\r\n", bench.address());
+    let body = format!("{head}Content-Length: 60000000\r\n\r\n{{\"model\"");
+    let sent = ["", &head, &body];
+    let connect = |k: usize| {
+        let mut stream = TcpStream::connect(bench.address()).unwrap();
+        stream.write_all(sent[k % 3].as_bytes()).unwrap();
+        stream
+    };
+    (0..count).map(connect).collect()
+}
+
+/// Whether the server has closed a connection, after an answer or without one.
+fn is_closed(stream: &mut TcpStream, patience: Duration) -> bool {
+    stream.set_read_timeout(Some(patience)).unwrap();
+    let (began, mut buffer) = (Instant::now(), [0; 4096]);
+    loop {
+        match stream.read(&mut buffer) {
+            Ok(0) => return true,
+            Ok(_) if began.elapsed() < patience => {}
+            Ok(_) => return false,
+            Err(error) => return error.kind() == ErrorKind::ConnectionReset,
+        }
+    }
+}
+
 #[test]
 fn half_requests_hold_up_neither_a_stop_nor_the_end() {
     let bench = Bench::start("planar4.toml");
     bench.phase("idle");
-    let halves: Vec<TcpStream> = (0..100)
-        .map(|k| {
-            let mut stream = TcpStream::connect(bench.address()).unwrap();
-            let head = format!("POST /api/diagnosis/run HTTP/1.1\r\nHost: {}\r\n", bench.address());
-            let rest = if k % 2 == 0 { "" } else { "Content-Length: 60000000\r\n\r\n{\"model\"" };
-            stream.write_all((head + rest).as_bytes()).unwrap();
-            stream
-        })
-        .collect();
+    let halves = halves(&bench, 100);
     let began = Instant::now();
     assert_eq!(bench.stop().status, 200);
     assert!(began.elapsed() < STOP, "{:?}", began.elapsed());
@@ -42,6 +62,40 @@ fn half_requests_hold_up_neither_a_stop_nor_the_end() {
     drop(bench);
     assert!(ending.elapsed() < Duration::from_secs(8), "{:?}", ending.elapsed());
     drop(halves);
+}
+
+#[test]
+fn half_requests_and_idle_connections_are_closed_after_a_while() {
+    let bench = Bench::start("planar4.toml");
+    let mut waiting = halves(&bench, 6);
+    // One that was answered, and is kept for more.
+    let mut idle = TcpStream::connect(bench.address()).unwrap();
+    idle.write_all(format!("GET /icon.svg HTTP/1.1\r\nHost: {}\r\n\r\n", bench.address()).as_bytes()).unwrap();
+    waiting.push(idle);
+    // Headers that arrive byte by byte.
+    let mut slow = TcpStream::connect(bench.address()).unwrap();
+    let began = Instant::now();
+    while slow.write_all(b"G").is_ok() {
+        thread::sleep(Duration::from_millis(200));
+        assert!(began.elapsed() < 2 * PATIENCE, "{:?}", began.elapsed());
+    }
+    assert!(began.elapsed() > PATIENCE / 2, "{:?}", began.elapsed());
+    for (index, stream) in waiting.iter_mut().enumerate() {
+        assert!(is_closed(stream, PATIENCE), "{index}");
+    }
+}
+
+#[test]
+fn more_connections_than_there_are_places_leave_a_stop_its_time() {
+    let bench = Bench::start("planar4.toml");
+    bench.phase("idle");
+    let mut halves = halves(&bench, 2 * MAX_CONNECTIONS);
+    let began = Instant::now();
+    assert_eq!(bench.stop().status, 200);
+    assert!(began.elapsed() < STOP, "{:?}", began.elapsed());
+    // Long before they would have been closed for their age.
+    let closed = halves.iter_mut().filter_map(|half| is_closed(half, Duration::from_millis(1)).then_some(())).count();
+    assert!(closed >= MAX_CONNECTIONS && began.elapsed() < PATIENCE, "{closed}, {:?}", began.elapsed());
 }
 
 #[test]

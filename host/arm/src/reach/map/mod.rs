@@ -100,19 +100,20 @@ pub struct Spot {
 }
 
 impl Map {
-    /// The density of the frames of `arm` with its servos at `servos_rad`; `done` hears the share of the stages behind.
+    /// The density of the frames of `arm` with its servos at `servos_rad`, while `go_on` says so. It gets the share of the
+    /// stages that are done, 0 to 1, and is called for every layer, by all threads.
     ///
     /// # Errors
     ///
     /// [`ReachError::NoSetting`]: a stage cannot be assembled in any setting. [`ReachError::TooFine`]: the cells are so
-    /// small that the arm is some thousand of them long.
+    /// small that the arm is some thousand of them long. [`ReachError::GivenUp`]: `go_on` said no.
     pub fn new(
         arm: &Arm,
         servos_rad: &[f64],
         resolution: Resolution,
-        done: impl FnMut(f64),
+        go_on: impl Fn(f64) -> bool + Sync,
     ) -> Result<Self, ReachError> {
-        Self::with_layers(arm, servos_rad, resolution, done, |_| ())
+        Self::with_layers(arm, servos_rad, resolution, go_on, |_| ())
     }
 
     /// The same; where the joint density is not too large `see` is shown each layer of it, in any order.
@@ -124,9 +125,11 @@ impl Map {
         arm: &Arm,
         servos_rad: &[f64],
         resolution: Resolution,
-        mut done: impl FnMut(f64),
+        go_on: impl Fn(f64) -> bool + Sync,
         see: impl Fn(&Layer) + Sync,
     ) -> Result<Self, ReachError> {
+        let check = |share: f64| go_on(share).then_some(()).ok_or(ReachError::GivenUp);
+        check(0.0)?;
         let stages = frames::of_stages(arm, servos_rad, |_, _| true)?;
         let mut frames = 1;
         let last = stages.iter().rev().take_while(|stage| {
@@ -136,8 +139,10 @@ impl Map {
         let (before, last) = stages.split_at(stages.len() - last.count().max(1));
         let mut map = Self::exact(&frames::product(last, arm.rest()), resolution)?;
         for (convolved, stage) in before.iter().enumerate().rev() {
-            done(1.0 - (convolved + 1) as f64 / stages.len() as f64);
-            map = if convolved == 0 { map.at_last(stage, &see)? } else { map.after(stage)? };
+            let share = 1.0 - (convolved + 1) as f64 / stages.len() as f64;
+            let check = || check(share);
+            check()?;
+            map = if convolved == 0 { map.at_last(stage, check, &see)? } else { map.after(stage, check)? };
         }
         if before.is_empty() {
             map.layers.iter().for_each(see);
@@ -201,12 +206,13 @@ impl Map {
     }
 
     /// The density of the frames of `stage` times those of this map, its layers kept.
-    fn after(&self, stage: &Frames) -> Result<Self, ReachError> {
+    fn after(&self, stage: &Frames, check: impl Fn() -> Result<(), ReachError> + Sync) -> Result<Self, ReachError> {
         let map = self.apart_after(stage)?;
         let sources = self.sources(stage)?;
         let moved = self.moved + if sources.is_empty() { 0.0 } else { self.n_moved(stage) as f64 };
         let kept = AtomicUsize::new(0);
         let layer = |room: &mut Vec<f64>, (orientation, sources): &(Place, Vec<_>)| {
+            check()?;
             let is_kept = kept.load(Ordering::Relaxed) <= MAX_KEPT;
             let layer = is_kept.then(|| self.layer(*orientation, sources, room)).transpose()?;
             kept.fetch_add(layer.as_ref().map_or(0, |layer| layer.words.len()), Ordering::Relaxed);
@@ -217,7 +223,12 @@ impl Map {
     }
 
     /// The same of the first stage: each layer is shown, and kept where all are few.
-    fn at_last(&self, stage: &Frames, see: &(impl Fn(&Layer) + Sync)) -> Result<Self, ReachError> {
+    fn at_last(
+        &self,
+        stage: &Frames,
+        check: impl Fn() -> Result<(), ReachError> + Sync,
+        see: &(impl Fn(&Layer) + Sync),
+    ) -> Result<Self, ReachError> {
         let map = self.apart_after(stage)?;
         let sources = self.sources(stage)?;
         if sources.is_empty() {
@@ -229,6 +240,7 @@ impl Map {
         let (tally, layers, _) = sources
             .par_iter()
             .try_fold(start, |(mut tally, mut layers, mut room), (orientation, sources)| {
+                check()?;
                 let layer = self.layer(*orientation, sources, &mut room)?;
                 see(&layer);
                 tally.count(&layer);

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use darm_core::real::Vec3;
 
@@ -30,7 +31,7 @@ fn every_word_is_counted_and_lies_where_it_should() {
     let mut apart = Vec::new();
     for cell_m in [0.1, 0.02, 0.004] {
         let resolution = Resolution { cell_m, cell_rad: 10.0 * cell_m, max_exact: 1 };
-        let map = Map::with_layers(&arm, &[], resolution, |_| (), |_| ()).unwrap();
+        let map = Map::with_layers(&arm, &[], resolution, |_| true, |_| ()).unwrap();
         assert_eq!((map.words(), map.orientations.values().sum()), (4096.0, 4096.0));
         assert_eq!(map.cells().map(|(_, _, words)| words).sum::<f64>(), 4096.0);
         let found = coarse(map.cells().map(|(at, _, words)| (amid(&at, cell_m), words)));
@@ -52,5 +53,22 @@ fn a_ring_has_a_hole() {
 #[test]
 fn cells_too_small_are_refused() {
     let resolution = Resolution::new(1e-6, 0.1);
-    assert_eq!(Map::new(&planar4(), &[], resolution, |_| ()), Err(ReachError::TooFine));
+    assert_eq!(Map::new(&planar4(), &[], resolution, |_| true), Err(ReachError::TooFine));
+}
+
+#[test]
+fn a_map_that_is_given_up_while_it_is_counted_is_none() {
+    let (arm, calls) = (planar4(), AtomicUsize::new(0));
+    let resolution = Resolution { cell_m: 0.02, cell_rad: 0.2, max_exact: 1 };
+    let until = |last: usize| {
+        calls.store(0, Ordering::Relaxed);
+        let go_on = |_| calls.fetch_add(1, Ordering::Relaxed) < last;
+        Map::new(&arm, &[], resolution, go_on).map(|map| map.words())
+    };
+    assert_eq!(until(usize::MAX), Ok(4096.0));
+    let all = calls.load(Ordering::Relaxed);
+    assert!(all > 20, "it is asked {all} times");
+    for last in [0, 1, all / 2, all - 1] {
+        assert_eq!(until(last), Err(ReachError::GivenUp), "after {last} of {all}");
+    }
 }
