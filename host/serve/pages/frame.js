@@ -128,7 +128,7 @@ for (const link of document.querySelectorAll('nav a')) {
   });
 }
 window.addEventListener('pagehide', () => {
-  if (hasControl() && !isMovingOn) post('/api/control', { do: 'release' }, { key: control.key, keepalive: true });
+  if (hasControl() && !isMovingOn) post('/api/control', { do: 'leave' }, { key: control.key, keepalive: true });
 });
 
 // ---------------------------------------------------------------- what is live

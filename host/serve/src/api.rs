@@ -7,7 +7,7 @@
 //! | `GET /api/picture`  | no            | the arm as lines                                                        |
 //! | `GET /api/program`  | no            | the opened table                                                        |
 //! | `POST /api/stop`    | no            | switches all outputs off, past everything else                          |
-//! | `POST /api/control` | no            | takes, renews or releases control                                       |
+//! | `POST /api/control` | no            | takes, renews or releases control, or leaves with it                    |
 //! | `POST /api/open`    | no            | opens a table file: its bytes; nothing is sent to the board             |
 //! | `POST /api/upload`  | yes           | brings the opened table to the board                                    |
 //! | `POST /api/command` | yes           | plays, clears the safe state, switches an output, a word or a servo     |
@@ -146,6 +146,7 @@ pub(crate) enum ControlRequest {
     Take,
     Renew,
     Release,
+    Leave,
 }
 
 #[derive(Serialize)]
@@ -171,10 +172,13 @@ pub(crate) async fn control(
             hub.control(|control, now| control.renew(now, key))?;
             Ok(granted(None, None))
         }
-        ControlRequest::Release => {
+        ControlRequest::Release | ControlRequest::Leave => {
             let key = key(&headers)?;
             hub.control(|control, _| {
-                control.release(key);
+                match request {
+                    ControlRequest::Leave => control.leave(key),
+                    _ => control.release(key),
+                }
                 Ok(())
             })?;
             Ok(granted(None, None))

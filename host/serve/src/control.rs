@@ -1,7 +1,7 @@
 //! Which page controls the arm: one at a time, for as long as it renews.
 //!
-//! A page that was closed, or whose computer sleeps, renews no longer and loses control after [`LEASE`]. Time is an
-//! argument. A stop needs no control.
+//! A page that was closed, or whose computer sleeps, renews no longer and loses control after [`LEASE`]: it has abandoned the
+//! arm, and what it moved by hand is switched off. Time is an argument. A stop needs no control.
 
 use std::time::{Duration, Instant};
 
@@ -36,6 +36,7 @@ pub enum ControlError {
 pub struct Control {
     holder: Option<(Grant, Instant)>,
     grants: u32,
+    is_abandoned: bool,
 }
 
 impl Control {
@@ -45,6 +46,7 @@ impl Control {
     ///
     /// [`ControlError::Taken`]: another page has it.
     pub fn take(&mut self, now: Instant, key: u64) -> Result<Grant, ControlError> {
+        self.expire(now);
         match self.holder(now) {
             Some(page) => Err(ControlError::Taken { page }),
             None => {
@@ -70,6 +72,24 @@ impl Control {
     /// Gives control back; a page that has none changes nothing.
     pub fn release(&mut self, key: u64) {
         self.holder = self.holder.take().filter(|(grant, _)| grant.key != key);
+    }
+
+    /// Gives control back because the page is closed; a page that has none changes nothing.
+    pub fn leave(&mut self, key: u64) {
+        self.is_abandoned |= self.holder.is_some_and(|(grant, _)| grant.key == key);
+        self.release(key);
+    }
+
+    /// Whether a page has left with control, or has not renewed it, since this was asked last.
+    pub fn take_abandoned(&mut self, now: Instant) -> bool {
+        self.expire(now);
+        std::mem::take(&mut self.is_abandoned)
+    }
+
+    fn expire(&mut self, now: Instant) {
+        if self.holder.take_if(|(_, until)| now >= *until).is_some() {
+            self.is_abandoned = true;
+        }
     }
 
     /// Whether the page with this key has control.
@@ -115,5 +135,22 @@ mod tests {
         assert_ne!(second.page, first.page);
         control.release(8);
         assert_eq!(control.holder(late + LEASE), None);
+    }
+
+    #[test]
+    fn a_page_that_leaves_or_renews_no_longer_abandons_the_arm_once() {
+        let (mut control, start) = (Control::default(), Instant::now());
+        control.take(start, 7).unwrap();
+        control.leave(8);
+        assert!(!control.take_abandoned(start), "it has control still");
+        control.release(7);
+        assert!(!control.take_abandoned(start), "a person released it");
+        control.take(start, 7).unwrap();
+        control.leave(7);
+        assert_eq!([(); 2].map(|()| control.take_abandoned(start)), [true, false]);
+        control.take(start, 7).unwrap();
+        control.take(start + LEASE, 8).unwrap();
+        assert_eq!([(); 2].map(|()| control.take_abandoned(start + LEASE)), [true, false]);
+        assert!(control.take_abandoned(start + 2 * LEASE));
     }
 }

@@ -112,6 +112,22 @@ impl Hub {
         past.and_then(Result::ok).map_or_else(|| stop_at(&self.port, self.stop_socket.clone()), Ok)
     }
 
+    /// Whether a page has gone with its control since this was asked last.
+    pub(crate) fn is_abandoned(&self) -> bool {
+        let is_abandoned = self.state().control.take_abandoned(Instant::now());
+        if is_abandoned {
+            self.wake();
+        }
+        is_abandoned
+    }
+
+    /// Stops an arm that is moved by hand; a program continues.
+    pub(crate) fn stop_by_hand(&self) {
+        let is_manual = self.state().board.as_ref().is_some_and(|board| board.phase.name == "manual");
+        // Where it cannot be sent, the link is lost and pages say so; the limits of the board hold.
+        let _ = is_manual.then(|| self.stop());
+    }
+
     /// Number of stops so far.
     pub(crate) fn stops(&self) -> u64 {
         self.stops.load(Ordering::SeqCst)
@@ -122,7 +138,7 @@ impl Hub {
         let stops = self.stops();
         self.control(|control, now| control.check(now, key))?;
         let (answer, answered) = oneshot::channel();
-        let order = Order { task, stops, until: Instant::now() + PATIENCE, answer };
+        let order = Order { task, key, stops, until: Instant::now() + PATIENCE, answer };
         self.orders.send(order).map_err(|_| Refused::new(Kind::Link, "the server is ending"))?;
         Ok(answered)
     }

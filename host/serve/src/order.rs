@@ -31,6 +31,8 @@ pub enum Task {
 pub struct Order {
     /// What is to be done.
     pub task: Task,
+    /// The key of the page.
+    pub key: u64,
     /// Number of stops when the page ordered it.
     pub stops: u64,
     /// When it is given up.

@@ -70,6 +70,8 @@ impl Watcher {
         let mut observer = Observer::new(Arc::clone(&self.hub), client);
         loop {
             let due = Instant::now() + PERIOD;
+            // Before the look: it sees what the page has ordered last.
+            let is_abandoned = self.hub.is_abandoned();
             match observer.look(client) {
                 Err(ClientError::Refused(Refusal::NotConnected)) => match self.say_hello(client) {
                     Ok(()) => observer = Observer::new(Arc::clone(&self.hub), client),
@@ -77,6 +79,9 @@ impl Watcher {
                 },
                 Err(error) => return error,
                 Ok(()) => {}
+            }
+            if is_abandoned {
+                self.hub.stop_by_hand();
             }
             while let Some(order) = self.next_order(due) {
                 self.execute(client, order);
@@ -113,7 +118,7 @@ impl Watcher {
         let _ = order.answer.send(done);
     }
 
-    /// Refuses an order that is too old or that a stop has overtaken. The number of stops is compared after the connection was
+    /// Refuses an order that is too old, that a stop has overtaken, or whose page has lost control. The number of stops is compared after the connection was
     /// opened: the board itself refuses a command after a stop that comes later.
     fn prepare(&mut self, client: &mut Client, order: &Order) -> Result<(), Refused> {
         if self.stops_at_hello != Some(self.hub.stops()) {
@@ -122,6 +127,7 @@ impl Watcher {
         if order.stops != self.hub.stops() {
             return Err(Refused::new(Kind::Stopped, "a stop came meanwhile; nothing was sent"));
         }
+        self.hub.control(|control, now| control.check(now, order.key))?;
         if Instant::now() > order.until {
             return Err(Refused::new(Kind::Link, "the board did not answer in time; nothing was sent"));
         }

@@ -1,6 +1,7 @@
 //! Who may move the arm, and what a stop does.
 
 use std::thread;
+use std::time::Duration;
 
 use darm_serve::control::LEASE;
 use serde_json::json;
@@ -94,4 +95,45 @@ fn the_board_refuses_and_says_where() {
     bench.live(|live| (live["board"]["servos"][0]["angle_rad"].as_f64().unwrap_or(0.0) - 0.3).abs() < 2e-3);
     assert_eq!(page.command(&json!({"do": "coil", "coil": 1, "on_ms": 100})).status, 200);
     assert_eq!(page.command(&json!({"do": "coil", "coil": 99, "on_ms": 100})).status, 409);
+}
+
+#[test]
+fn a_page_that_has_gone_leaves_no_output_on_that_it_switched_by_hand() {
+    let bench = Bench::start("planar4.toml");
+    bench.phase("idle");
+    let word = json!({"do": "word", "word": "000010000000"});
+    for how in ["closed", "silent", "released"] {
+        let page = bench.page_in_control();
+        page.upload(&bench.table(&["000010000000"], 20.0));
+        assert_eq!(page.command(&word).status, 200);
+        bench.phase("manual");
+        match how {
+            "closed" => assert_eq!(page.control("leave").status, 200),
+            "silent" => thread::sleep(LEASE),
+            _ => {
+                assert_eq!(page.control("release").status, 200);
+                thread::sleep(Duration::from_millis(500));
+                bench.phase("manual");
+                assert_ne!(bench.pins().0, 0, "a person who releases control sees the arm");
+                continue;
+            }
+        }
+        bench.phase("idle");
+        assert_eq!(bench.pins().0, 0, "{how}");
+    }
+}
+
+#[test]
+fn a_program_continues_without_the_page_that_started_it() {
+    let bench = Bench::start("planar4.toml");
+    bench.phase("idle");
+    let page = bench.page_in_control();
+    let digest = page.upload(&bench.table(&["000010000000"], 20.0));
+    page.play(&digest);
+    bench.board.pass(0.5);
+    bench.phase("playing");
+    assert_eq!(page.control("leave").status, 200);
+    thread::sleep(Duration::from_millis(500));
+    bench.phase("playing");
+    assert_ne!(bench.pins().0, 0);
 }
