@@ -2,7 +2,7 @@
 
 import { get, post } from './server.js';
 import { follow } from './frame.js';
-import { byId, make, save, seconds, setText } from './format.js';
+import { byId, make, save, seconds, setText, titleCells } from './format.js';
 import { Columns } from './columns.js';
 import { Zoom } from './zoom.js';
 
@@ -159,6 +159,10 @@ function show(shown) {
   // What can be done stands behind the verdict.
   byId('result').before(byId('actions'));
   byId('result').innerHTML = result.html;
+  for (const table of byId('result').querySelectorAll('table:has(thead):not(.candidates)')) {
+    table.classList.add('cards');
+    titleCells(table);
+  }
   byId('verdict-section').after(byId('actions'));
   for (const table of byId('result').querySelectorAll('table')) {
     const frame = make('div', { className: 'scroll', tabIndex: 0, role: 'region', ariaLabel: `Table: ${headingOf(table)}` });

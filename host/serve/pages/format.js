@@ -47,3 +47,11 @@ export function save(name, content, type) {
   make('a', { href, download: name }).click();
   URL.revokeObjectURL(href);
 }
+
+// Each cell repeats the title of its column, which a narrow page shows in place of the head.
+export function titleCells(table) {
+  const titles = [...table.querySelectorAll('thead th')].map((th) => th.textContent);
+  for (const row of table.querySelectorAll('tbody tr')) {
+    [...row.children].forEach((cell, column) => { cell.dataset.title = titles[column]; });
+  }
+}

@@ -45,7 +45,8 @@ byId('stop-form').addEventListener('submit', (event) => {
 // A button acts when the key goes up, so both are taken away from it.
 for (const type of ['keydown', 'keyup']) {
   window.addEventListener(type, (event) => {
-    if (event.code !== 'Space' || event.ctrlKey || event.altKey || event.metaKey) return;
+    // The keyboard of a telephone gives no code.
+    if ((event.code !== 'Space' && event.key !== ' ') || event.ctrlKey || event.altKey || event.metaKey) return;
     event.preventDefault();
     event.stopPropagation();
     if (type === 'keydown' && !event.repeat) stop();
@@ -135,7 +136,8 @@ window.addEventListener('pagehide', () => {
 
 const LINKS = {
   connecting: () => 'connecting to the board',
-  live: (live) => `live, ${live.port}`,
+  // Of a long path the end says which port it is.
+  live: (live) => `live, ${live.port.replace(/^(unix:)?\/.{20,}(\/[^/]+\/[^/]+)$/, '$1…$2')}`,
   silent: () => 'the board is silent: values are old',
   lost: (live) => `no connection to the board: ${live.link.reason}`,
   server: () => 'darm serve does not answer: values are old, the stop cannot be sent from here',
@@ -144,6 +146,7 @@ const LINKS = {
 function showLink(state) {
   document.body.dataset.link = state;
   setText(byId('link'), LINKS[state](last));
+  byId('link').title = last?.port ?? '';
   // Apart from the text above, which a screen reader says again when it changes.
   const isOld = (state === 'lost' || state === 'silent') && last.age_s !== null;
   setText(byId('age'), isOld ? `(seen ${last.age_s.toFixed(1)} s ago)` : '');

@@ -2,7 +2,7 @@
 
 import { get, getBytes } from './server.js';
 import { follow } from './frame.js';
-import { byId, make, save, seconds, setText, short } from './format.js';
+import { byId, make, save, seconds, setText, short, titleCells } from './format.js';
 
 const when = (ms) => (ms === null ? '–' : new Date(ms).toLocaleString('sv'));
 const OUTCOMES = { running: '… running', finished: '✓ finished', stopped: '■ stopped', fault: '✕ fault', unknown: '? end not seen' };
@@ -17,13 +17,10 @@ const digest = (text) => (text ? make('code', { title: text }, short(text).slice
 function fill(id, rows, none) {
   const body = byId(id);
   const titles = [...body.closest('table').querySelectorAll('th')].map((th) => th.textContent);
-  const cell = (content, column) => {
-    const td = make('td', {}, ...[content].flat());
-    td.dataset.title = titles[column];
-    return td;
-  };
+  const cell = (content) => make('td', {}, ...[content].flat());
   const empty = make('tr', {}, make('td', { colSpan: titles.length }, none));
   body.replaceChildren(...(rows.length ? rows.map((row) => make('tr', {}, ...row.map(cell))) : [empty]));
+  if (rows.length) titleCells(body.closest('table'));
 }
 
 function button(text, label, act) {

@@ -57,6 +57,9 @@ function showProgram(refusal) {
   if (!program) return;
   showRefusal(refusal);
   timeline.show({ ...program, refusal });
+  const table = byId('rows').closest('table');
+  table.classList.toggle('no-servos', program.rows.every((row) => row.servos_rad.length === 0));
+  table.classList.toggle('no-refusal', refusal?.row === undefined || refusal.row === null);
   byId('rows').replaceChildren(...program.rows.map((row, index) => {
     const isRefused = refusal?.row === index;
     const cells = [

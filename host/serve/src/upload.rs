@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::refusal::{Kind, Refused};
 
+const QUOTES: [char; 2] = ['"', '\''];
 /// Largest upload of files, bytes.
 pub const MAX_FILES: usize = 64 << 20;
 /// Longest name of a file, bytes.
@@ -146,7 +147,21 @@ fn path_elsewhere<'t>(name: &str, bytes: &'t [u8]) -> Option<&'t str> {
         let is_absolute = piece.starts_with(['/', '~']) && !piece.starts_with("/>") || piece.starts_with("file:");
         is_absolute || ["..", "&#", "\\"].iter().any(|odd| piece.contains(odd))
     };
-    text.lines().flat_map(|line| line.split(['"', '\''])).find(leads_out)
+    let is_xml = !name.to_ascii_lowercase().ends_with(".toml");
+    // A string of several lines begins with a line break.
+    let pieces = |part: &'t str| part.lines().flat_map(|line| line.split(QUOTES)).find(leads_out);
+    if is_xml { outside_comments(text).find_map(pieces) } else { pieces(text) }
+}
+
+/// The parts of an XML text outside of comments. A comment with quotes counts as text: it may be within a value, and hide the
+/// end of one.
+fn outside_comments(text: &str) -> impl Iterator<Item = &str> {
+    let (first, others) = text.split_once("<!--").unwrap_or((text, ""));
+    let after = |part: &str| -> usize {
+        let comment = part.split_once("-->").map(|(comment, _)| comment).filter(|comment| !comment.contains(QUOTES));
+        comment.map_or(0, |comment| comment.len() + "-->".len())
+    };
+    std::iter::once(first).chain(others.split("<!--").map(move |part| &part[after(part)..]))
 }
 
 /// Whether a name is that of a file in one folder, on every system.
@@ -183,6 +198,12 @@ mod tests {
         };
         assert_eq!(upload("a.toml", "urdf = \"tx40.urdf\""), Ok(()));
         assert_eq!(upload("a.urdf", "<mesh filename=\"package://tx40/link.stl\"/>"), Ok(()));
+        let comment = "<robot><!-- made from ../../arm.xacro --><link name=\"a\"/><!-- and of ../b --></robot>";
+        assert_eq!(upload("a.urdf", comment), Ok(()));
+        let hidden = "<mesh a=\"<!--\" filename=\"../../secret\" b=\"-->\"/>";
+        assert!(upload("a.urdf", hidden).unwrap_err().contains("secret"));
+        let lines = "urdf = \"\"\"\n/etc/passwd\"\"\"";
+        assert!(upload("a.toml", lines).unwrap_err().contains("/etc/passwd"));
         for path in ["/etc/passwd", "../other.urdf", "file:///etc/passwd", "&#47;etc", "\\u002fetc"] {
             assert!(upload("a.toml", &format!("urdf = \"{path}\"")).unwrap_err().contains(&format!("{path:?}")));
             assert!(upload("a.xml", &format!("<include file='{path}'/>")).unwrap_err().contains(&format!("{path:?}")));

@@ -56,8 +56,24 @@ impl<'a> Sources<'a> {
             accepts_other_model: self.upload.accepts_other_model,
         };
         let files = Files { model: &model, data: &read.data };
-        let found = Subject::read(&model).and_then(|subject| files.diagnose(subject, &how));
-        found.map_err(|error| folder.refusal(&without_option(&error)))
+        let subject = Subject::read(&model).map_err(|error| match self.missing(folder) {
+            Some(name) => Refused::new(
+                Kind::Invalid,
+                format!(
+                    "{} names {name}, which was not sent; choose it under `Files that the model names`",
+                    self.model
+                ),
+            ),
+            None => folder.refusal(&without_option(&error)),
+        })?;
+        files.diagnose(subject, &how).map_err(|error| folder.refusal(&without_option(&error)))
+    }
+
+    /// A robot that the text of the model names in quotes and that was not sent.
+    fn missing(&self, folder: &Folder) -> Option<&str> {
+        let pieces = std::str::from_utf8(self.model_bytes()).ok()?.split(['"', '\'']);
+        let mut robots = pieces.filter(|piece| [".urdf", ".xml"].iter().any(|end| piece.ends_with(end)));
+        robots.find(|name| !folder.path().join(name).is_file())
     }
 }
 

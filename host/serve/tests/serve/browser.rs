@@ -84,6 +84,41 @@ fn lose_the_board(browser: &Browser, bench: &Bench) {
     browser.wait("document.body.dataset.link === 'live'");
 }
 
+/// Elements that use the space bar themselves, or that a person types into, and their pages.
+const FOCUSED: [[&str; 2]; 8] = [
+    ["/", "#arm"],
+    ["/", "a[href=\"/program\"]"],
+    ["/program", "#file"],
+    ["/reach", "#pose-0"],
+    ["/reach", "#compare"],
+    ["/reach", "#deviation"],
+    ["/diagnosis", "#data"],
+    ["/history", "#json"],
+];
+
+#[test]
+fn the_space_bar_stops_whatever_has_the_focus_and_no_other_key_does() {
+    let Some(browser) = Browser::start(WIDTH) else { return };
+    let bench = Bench::start("planar4.toml");
+    let _time = RealTime::start(&bench.board);
+    for [path, selector] in FOCUSED {
+        browser.open(&format!("http://{}{path}", bench.address()));
+        let focused = format!("document.querySelector('{selector}')");
+        browser.wait(&format!("document.body.dataset.link === 'live' && {focused}?.getClientRects().length"));
+        browser.value(&format!("{focused}.focus()"));
+        browser.wait(&format!("document.activeElement === {focused}"));
+        for other in ["s", "\u{E00C}", "\u{E004}"] {
+            browser.press(other);
+        }
+        assert_eq!(browser.value("document.querySelector('#stopped').hidden"), true, "{path} {selector}");
+        browser.value(&format!("{focused}.focus()"));
+        let typed = browser.value(&format!("{focused}.value ?? ''"));
+        browser.press(" ");
+        browser.wait("document.querySelector('#stopped').dataset.outcome === 'confirmed'");
+        assert_eq!(browser.value(&format!("{focused}.value ?? ''")), typed, "{path} {selector}");
+    }
+}
+
 #[test]
 fn two_pages_agree_on_who_controls() {
     let Some(browser) = Browser::start(WIDTH) else { return };

@@ -40,6 +40,13 @@ pub(crate) fn diagnose_example(bench: &Bench) {
 }
 
 #[test]
+fn a_robot_that_was_not_sent_is_named_with_the_cure() {
+    let bench = Bench::start("planar4.toml");
+    let refused = diagnose(&bench, &upload(&["tx40.toml", "tx40-motion.csv.gz"])).json()["refused"]["text"].to_string();
+    assert!(refused.contains("tx40.toml names tx40.urdf, which was not sent; choose it under"), "{refused}");
+}
+
+#[test]
 fn the_result_is_that_of_the_library_and_the_corrected_model_is_complete() {
     let bench = Bench::start("planar4.toml");
     assert!(bench.get("/api/diagnosis/result").is_null());
