@@ -118,11 +118,16 @@ fn a_person_drags_the_target_and_drives_the_arm_to_the_word() {
     browser.wait(&format!("document.querySelector('#rests tr:last-child code')?.textContent === '{word}'"));
     browser
         .wait("document.querySelectorAll('#density .cell').length > 2 && document.querySelector('#density .target')");
-    browser.click("#take");
-    let steps = browser.value("document.querySelectorAll('#rests tr').length - 1").as_u64().unwrap();
-    for left in (0..steps).rev() {
+    let rows = "document.querySelectorAll('#rests tr').length";
+    let has_control = "document.body.hasAttribute('data-controls')";
+    while browser.value(&format!("{rows} > 1")) == true {
+        // On a busy machine control runs out, and the outputs go off.
+        if browser.value(has_control) == false {
+            browser.click("#take");
+        }
+        let before = browser.value(rows);
         browser.click("#set");
-        browser.wait(&format!("document.querySelectorAll('#rests tr').length - 1 === {left}"));
+        browser.wait(&format!("{rows} !== {before} || !{has_control}"));
     }
     bench.live(|live| live["board"]["word"] == word);
     browser.wait("document.querySelector('#order-note').textContent.includes('is at the nearest word')");
