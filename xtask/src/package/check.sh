@@ -34,7 +34,11 @@ for file in /usr/bin/darm /usr/share/man/man1/darm-synth.1.gz /usr/lib/udev/rule
     /usr/share/doc/darm/docs/first-arm.md /usr/share/doc/darm/examples/planar4.toml; do
     [ -f $file ] || fail "no $file"
 done
-bash -n /usr/share/bash-completion/completions/darm
+zcat /usr/share/man/man1/darm-synth.1.gz | grep -q '^.SH NAME' || fail "darm-synth.1.gz is no manual page"
+# The shell calls the function so when somebody types `darm sy` and the tab key.
+words=$(bash -c '. /usr/share/bash-completion/completions/darm
+    COMP_WORDS=(darm sy) COMP_CWORD=1; _darm darm sy darm; echo "${COMPREPLY[*]}"')
+[ "$words" = synth ] || fail "darm sy<tab> completes to: $words"
 
 mkdir /work
 cd /work

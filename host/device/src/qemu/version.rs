@@ -26,7 +26,9 @@ impl std::fmt::Display for Version {
 #[derive(Debug, thiserror::Error)]
 pub enum VersionError {
     /// The program is not installed.
-    #[error("{PROGRAM} is not installed; install it (Debian, Ubuntu: `sudo apt install qemu-system-arm`)")]
+    #[error(
+        "{PROGRAM} is not installed; `sudo apt install qemu-system-arm`, on Debian 12 with `-t bookworm-backports`"
+    )]
     Missing,
     /// The program is too old.
     #[error("{PROGRAM} is version {found}, {OLDEST} or newer is needed; Debian 12 has it in its backports")]
