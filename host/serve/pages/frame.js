@@ -128,6 +128,8 @@ for (const link of document.querySelectorAll('nav a')) {
     sessionStorage.setItem(KEY, control.key);
   });
 }
+// A page that the browser kept for "back" moves on no longer.
+window.addEventListener('pageshow', () => { isMovingOn = false; });
 window.addEventListener('pagehide', () => {
   if (hasControl() && !isMovingOn) post('/api/control', { do: 'leave' }, { key: control.key, keepalive: true });
 });

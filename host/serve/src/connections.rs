@@ -2,7 +2,7 @@
 //!
 //! A client that sends its headers byte by byte, or nothing at all, would hold a connection for ever; many such would keep a
 //! person's stop out. A new connection therefore always gets a place: where all are taken, the one that has waited longest for
-//! a request is closed, and where all have a request, the oldest of them.
+//! a request is closed, and where all have one, that with the oldest request.
 
 use std::future::Future;
 use std::io;
