@@ -50,9 +50,9 @@ const WIDTHS: [f64; 4] = [0.05, 0.1, 0.2, 0.4];
 const SEATS: [f64; 2] = [0.01, 0.05];
 /// Distances of the memory of direction in shares of the target's range.
 const DISTANCES: [f64; 3] = [0.02, 0.1, 0.5];
-/// Moments of a step, as shares of the time from the first row to the last: on either side there are pieces of rows enough to
-/// distinguish it from an offset, six of [`groups`](crate::prepare::groups) at least.
-const STEPS: [f64; 5] = [0.25, 0.375, 0.5, 0.625, 0.75];
+/// Moments of a step, as shares of the time from the first row to the last. On either side there are seven of 24 pieces of rows
+/// at least, which distinguish it from an offset at 1 %.
+const STEPS: [f64; 5] = [0.3, 0.4, 0.5, 0.6, 0.7];
 
 /// One coordinate along the rows of a measurement.
 #[derive(Clone, Copy)]
