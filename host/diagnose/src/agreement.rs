@@ -50,7 +50,7 @@ impl Agreement {
 }
 
 /// Root mean square without the largest.
-fn trimmed_root_mean_square(mut numbers: Vec<f64>) -> f64 {
+pub(crate) fn trimmed_root_mean_square(mut numbers: Vec<f64>) -> f64 {
     numbers.sort_unstable_by(|a, b| a.abs().total_cmp(&b.abs()));
     numbers.truncate(numbers.len() - (numbers.len() as f64 * TRIMMED) as usize);
     root_mean_square(&numbers)

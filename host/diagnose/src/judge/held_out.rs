@@ -1,6 +1,7 @@
 //! Rows of signals that no fit has seen: their residuals before and after, and whether the error on them falls.
 
 use super::selected::SelectedSignals;
+use crate::agreement::trimmed_root_mean_square;
 use crate::select::robust_fit::losses;
 use crate::select::significance::{CONFIRMATION_LEVEL, paired_t_test};
 
@@ -29,12 +30,16 @@ impl HeldOut {
         self.after.extend(experiment.of_rows(&experiment.at(&selected.best.fit.values), true));
     }
 
-    /// Whether the error falls by more than its uncertainty, each axis in units of its noise. Without rows the selection
-    /// has shown as much by cross-validation.
-    pub(crate) fn falls(&self, sigma: &[f64]) -> bool {
+    /// Whether the error falls by more than its uncertainty, each axis in units of its noise, and that of the norm, the first
+    /// `n_norm` axes, without rows that are far off, does not rise. Without rows the selection has shown as much by
+    /// cross-validation.
+    pub(crate) fn falls(&self, sigma: &[f64], n_norm: usize) -> bool {
         let n_axes = sigma.len();
         if self.before.is_empty() {
             return true;
+        }
+        if norm(&self.after, n_axes, n_norm) > norm(&self.before, n_axes, n_norm) {
+            return false;
         }
         let scaled = |residuals: &[f64]| {
             let of = |(k, residual): (usize, &f64)| residual / sigma[k % n_axes];
@@ -45,5 +50,26 @@ impl HeldOut {
         let pieces = before.chunks(length).zip(after.chunks(length));
         let cells: Vec<[f64; 2]> = pieces.map(|(before, after)| [before.iter().sum(), after.iter().sum()]).collect();
         paired_t_test(&cells).p < CONFIRMATION_LEVEL
+    }
+}
+
+/// The usual size of a row's norm.
+fn norm(residuals: &[f64], n_axes: usize, n_norm: usize) -> f64 {
+    let square = |row: &[f64]| row[..n_norm].iter().map(|r| r * r).sum::<f64>();
+    trimmed_root_mean_square(residuals.chunks(n_axes).map(|row| square(row).sqrt()).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_whose_norm_rises_does_not_fall() {
+        let rows = |size: [f64; 2]| (0..96).flat_map(|k| size.map(|size| size * f64::from(k % 5 - 2))).collect();
+        let held_out = |after| HeldOut { before: rows([3.0, 1.0]), after: rows(after) };
+        // In units of its noise the second axis falls by far more than the first one rises.
+        assert!(held_out([2.9, 0.1]).falls(&[1.0, 0.01], 2));
+        assert!(!held_out([4.0, 0.1]).falls(&[1.0, 0.01], 2));
+        assert!(held_out([4.0, 0.1]).falls(&[1.0, 0.01], 0), "axes outside of the norm");
     }
 }

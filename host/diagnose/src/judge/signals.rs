@@ -65,7 +65,10 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
         was_beyond_noise: !remaining.is_empty() || is_any && chance_of_gain(selected) < STRUCTURE_LEVEL,
         is_left: left > UNEXPLAINED_SHARE || over_noise > MAX_LEFT || rest.is_far_from_repeats,
         is_mainly_taken: left < MAX_PARTLY_LEFT,
-        held_out_falls: pooled.map_or_else(|| HeldOut::of(selected).falls(sigma), |pooled| pooled.falls(sigma)),
+        held_out_falls: match pooled {
+            Some(pooled) => pooled.falls(sigma, problem.experiment.n_norm),
+            None => HeldOut::of(selected).falls(sigma, problem.experiment.n_norm),
+        },
         noise_dof: rest.noise_dof,
     };
     let verdict = gate::verdict(&evidence);

@@ -34,15 +34,15 @@ pub fn select(problem: &Signals, known: Vec<usize>) -> (Trial<Signals>, Vec<Sele
     (best, path)
 }
 
-/// Where all values have priors: every law at every place, unless a few effects predict unseen rows as well.
+/// Where all values have priors: every law at every place, unless a few effects predict unseen rows as well. Each predicts
+/// them with the columns near its own values: those of other values may be off by more than the noise.
 fn sparse_or_full(problem: &Signals, start: &Trial<Signals>) -> (Trial<Signals>, Vec<SelectionStep>) {
     let Ok(sparse) = forward_selection(problem, start.clone(), Vec::new());
     let (full, path) = all_laws(problem, start);
-    let sparse_best = judged(problem.under(&full), sparse.best.fit.active, None);
-    if problem.under(&full).reduction(&sparse_best, &full).p > RIVAL_LEVEL {
-        return (sparse_best, sparse.path);
+    match problem.under(&full).reduction(&sparse.best, &full).p > RIVAL_LEVEL {
+        true => (sparse.best, sparse.path),
+        false => (full, path),
     }
-    (full, path)
 }
 
 /// The better one of two models: that to which effects were added, and that from which they were taken away.
