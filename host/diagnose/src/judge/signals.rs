@@ -12,7 +12,7 @@ use crate::linearise::torque::is_ripple;
 use crate::outcome::{Alternative, Repeatability, RepeatedIn, Structure, Verdict};
 use crate::select::factored::judged;
 use crate::select::problem::RegressionProblem as _;
-use crate::select::significance::STRUCTURE_LEVEL;
+use crate::select::significance::{RIVAL_LEVEL, STRUCTURE_LEVEL};
 use crate::select::simplify::{MAX_COMPARED, single_rivals};
 
 /// Share of the squares that may be left by effects which are named beside what remains.
@@ -146,7 +146,10 @@ fn rivals_of_effects(selected: &SelectedSignals, effects: &[Effect]) -> Vec<Riva
         for (candidate, rival, worse_with) in single_rivals(problem, best, order) {
             let is_same = |other: usize| candidates[other].is_same(&candidates[candidate]);
             let is_known = all.iter().any(|rival| rival.order == order && is_same(rival.candidate));
-            if !best.fit.active.iter().any(|&k| is_same(k)) && !is_known {
+            // Laws of one place differ in their shape; what is elsewhere often adds the same.
+            let is_here = candidates[candidate].site == selected.candidate(order).site;
+            let is_worse = is_here && worse_with >= 1.0 - RIVAL_LEVEL;
+            if !best.fit.active.iter().any(|&k| is_same(k)) && !is_known && !is_worse {
                 all.push(Rival { order, candidate, cross_validated: rival.error, worse_with });
             }
         }

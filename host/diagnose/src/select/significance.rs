@@ -5,7 +5,7 @@
 //! | is there more than noise? | residuals against repeats: F, one-sided | [`STRUCTURE_LEVEL`] |
 //! | does an effect predict words that it was not fitted to? | reduction of the cross-validated squares, word by word: t, one-sided, times the number of effects tried (Bonferroni) | [`DISCOVERY_LEVEL`] |
 //! | do all effects together predict held-out words? | the same on the held-out words, once, for the verdict | [`CONFIRMATION_LEVEL`] |
-//! | is another effect as good? | reduction from it to the best, word by word: t, one-sided | [`RIVAL_LEVEL`], of signals [`SIGNAL_RIVAL_LEVEL`] |
+//! | is another effect as good? | reduction from it to the best, word by word: t, one-sided | [`RIVAL_LEVEL`], of signals at another place [`SIGNAL_RIVAL_LEVEL`] |
 
 use std::collections::BTreeMap;
 
@@ -21,8 +21,8 @@ pub const DISCOVERY_LEVEL: f64 = 0.01;
 pub const CONFIRMATION_LEVEL: f64 = 0.025;
 /// An effect worse than the best one with at least this confidence is not its rival.
 pub const RIVAL_LEVEL: f64 = 0.05;
-/// The same of signals, where candidates often add the same, a weight at an elbow say: the wrong one of two such is named
-/// with this chance.
+/// The same of signals where the other effect is at another place: two there often add the same, a weight at an elbow say, and
+/// the wrong one is named with this chance.
 pub const SIGNAL_RIVAL_LEVEL: f64 = 0.01;
 
 /// The levels of the tests on tool poses: those of one diagnosis, or of one of several on the same measurement.
