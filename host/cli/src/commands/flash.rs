@@ -2,7 +2,8 @@
 
 mod uf2;
 
-use std::io::ErrorKind;
+use std::fs::File;
+use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -76,6 +77,21 @@ enum FlashError {
     Drive(PathBuf, std::io::Error),
 }
 
+impl FlashError {
+    /// The same of a Pico without its drive: it may have a probe of any kind.
+    fn of_pico(self) -> Self {
+        match self {
+            Self::NoProbeRs => Self::NoDrive,
+            Self::NoProbe(message) | Self::Failed(message) => {
+                let text = message.to_lowercase();
+                let is_missing = text.contains("no probe") || text.contains("no connected probe");
+                if is_missing { Self::NoDrive } else { Self::Failed(message) }
+            }
+            other => other,
+        }
+    }
+}
+
 #[derive(Serialize)]
 struct Flashed {
     elf: PathBuf,
@@ -116,11 +132,21 @@ impl Flash {
             None => uf2::drive(Path::new(MOUNTS)),
         };
         let Some(drive) = drive else {
-            return flash_by_probe(Board::Pico.chip(), elf).map_err(|_| FlashError::NoDrive);
+            return flash_by_probe(Board::Pico.chip(), elf).map_err(FlashError::of_pico);
         };
-        // The chip starts the image when the last block has come, and the drive disappears.
-        let file = drive.join("darm.uf2");
-        std::fs::write(&file, uf2::file(segments)).map_err(|error| FlashError::Drive(file, error))
+        let path = drive.join("darm.uf2");
+        write(&drive, &path, &uf2::file(segments)).map_err(|error| FlashError::Drive(path, error))
+    }
+}
+
+/// Writes the image to the drive. The chip starts it when the last block has come, and the drive disappears: what cannot be
+/// synchronised after that has arrived.
+fn write(drive: &Path, path: &Path, image: &[u8]) -> std::io::Result<()> {
+    let mut file = File::create(path)?;
+    file.write_all(image)?;
+    match file.sync_all() {
+        Err(error) if uf2::is_drive(drive) => Err(error),
+        Ok(()) | Err(_) => Ok(()),
     }
 }
 
@@ -159,7 +185,16 @@ fn has_st_link(devices: &Path) -> Option<bool> {
 
 #[cfg(test)]
 mod tests {
-    use super::has_st_link;
+    use super::{FlashError, has_st_link};
+
+    #[test]
+    fn a_probe_of_a_pico_that_fails_is_no_missing_drive() {
+        let of = |error: FlashError| error.of_pico().to_string();
+        assert!(of(FlashError::NoProbe("No connected probes were found.".into())).starts_with("no boot drive"));
+        assert!(of(FlashError::NoProbeRs).starts_with("no boot drive"));
+        let failed = of(FlashError::NoProbe("Verification failed at 0x10000100".into()));
+        assert_eq!(failed, "probe-rs failed: Verification failed at 0x10000100; run `darm doctor`");
+    }
 
     #[test]
     fn an_st_link_is_recognised_by_its_usb_ids() {

@@ -21,3 +21,16 @@ fn the_simulated_pico_says_what_it_needs() {
         "{errors}"
     );
 }
+
+#[test]
+fn a_board_in_this_process_refuses_a_profile_for_the_pins_of_another() {
+    let home = Home::new();
+    let profile = std::fs::read_to_string(example("planar4.profile.toml")).expect("the example is there");
+    home.write("pico.toml", &format!("board = \"Pico\"\n{profile}"));
+    home.fails(
+        &format!("sim {} --in-process --folder board --profile pico.toml", example("planar4.toml")),
+        1,
+        "darm: the profile is made for the pins of Pico, and a board in this process has none; leave `board` out, or run that board \
+         in its emulator (`darm sim --help`)",
+    );
+}

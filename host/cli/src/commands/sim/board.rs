@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use darm_arm::board_profile::BoardProfile;
+use darm_core::profile::PinTable;
 use darm_core::output::Wiring;
 use darm_core::sequencer::{Command, Phase};
 use darm_device::client::Client;
@@ -95,6 +96,13 @@ impl Board {
 
     /// Starts the firmware's library in this process.
     pub(crate) fn in_process(setup: &Setup<'_>) -> anyhow::Result<(Self, Frames)> {
+        if let Some(table) = setup.profile.and_then(|profile| PinTable::of_layout(profile.profile.board.layout?)) {
+            anyhow::bail!(
+                "the profile is made for the pins of {}, and a board in this process has none; leave `board` out, or run that board \
+                 in its emulator (`darm sim --help`)",
+                table.board
+            );
+        }
         let with_profile = |profile: &BoardProfile| MemoryFlash::with_profile(&profile.image());
         let flash = setup.profile.map_or_else(MemoryFlash::default, with_profile);
         let board = InProcess::boot(setup.plant(), flash)?;
