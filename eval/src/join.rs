@@ -132,7 +132,7 @@ mod tests {
         assert_eq!(items::<bench::Reach>(json!({ "seed": 1 })).len(), 1 + 1000);
         assert_eq!(
             items::<faults::Job>(
-                json!({ "kills": 51, "page": null, "frames": null, "stops": 20, "pico": null, "serve": null })
+                json!({ "kills": 51, "page": null, "frames": null, "stops": 20, "pico": null, "serve": null, "store": null })
             )
             .len(),
             3

@@ -1,5 +1,5 @@
 //! Repeatability of signals: the scatter of rows in which all that the prediction rests on was the very same; without such
-//! rows, of unfiltered signals, how far rows stand out between those beside them.
+//! rows, of unfiltered signals along a motion, how far rows stand out between those beside them.
 
 use std::collections::BTreeMap;
 
@@ -12,6 +12,9 @@ use crate::prepare::repeatability::{MEDIAN_OF_NORMAL, MIN_DOF};
 const NOT_A_CONDITION: [&str; 2] = ["time", "temperature"];
 /// Variance of r₁ − (r₀ + r₂)/2 of independent r, in units of theirs.
 const BETWEEN_NEIGHBOURS: f64 = 1.5;
+/// Rows follow a motion where what was measured stands out between those beside it by less than this share of how much it
+/// varies: of postures in any order it varies as much.
+const MOTION: f64 = 0.5;
 /// Such differences of successive rows have this part of a degree of freedom each: 1/(1 + 2·(4/9 + 1/36)).
 const DOF_OF_DIFFERENCE: f64 = 18.0 / 35.0;
 
@@ -35,13 +38,15 @@ fn repeated(experiment: &Experiment) -> Option<Repeatability> {
     if conditions.is_empty() || dof < MIN_DOF {
         return None;
     }
-    let square = |axis| alike.values().map(|rows| squares(experiment, rows, axis)).sum::<f64>() / dof as f64;
+    let (residuals, n_axes) = (&experiment.residuals, experiment.axes.len());
+    let of = |rows: &Vec<usize>, axis| squares_of(residuals, n_axes, rows, axis);
+    let square = |axis| alike.values().map(|rows| of(rows, axis)).sum::<f64>() / dof as f64;
     Some(figure(experiment, (0..experiment.axes.len()).map(square).collect(), dof, RepeatedIn::Rows))
 }
 
 /// The sum of the squares of an axis of some rows about their mean, in the unit of the axis squared.
-fn squares(experiment: &Experiment, rows: &[usize], axis: usize) -> f64 {
-    let numbers = || rows.iter().map(|row| experiment.residuals[row * experiment.axes.len() + axis]);
+fn squares_of(of: &[f64], n_axes: usize, rows: &[usize], axis: usize) -> f64 {
+    let numbers = || rows.iter().map(|row| of[row * n_axes + axis]);
     let mean = numbers().sum::<f64>() / rows.len() as f64;
     numbers().map(|number| (number - mean).powi(2)).sum::<f64>()
 }
@@ -58,12 +63,18 @@ fn between_neighbours(experiment: &Experiment, after: &[f64]) -> Option<Repeatab
     if dof < MIN_DOF {
         return None;
     }
-    let square = |axis: usize| {
-        let at = |row: usize| after[row * n_axes + axis];
+    let square = |of: &[f64], axis: usize| {
+        let at = |row: usize| of[row * n_axes + axis];
         let off = inside.iter().map(|&row| (at(row) - 0.5 * (at(row - 1) + at(row + 1))).abs());
         (median(off).expect("degrees of freedom come from rows inside") / MEDIAN_OF_NORMAL).powi(2) / BETWEEN_NEIGHBOURS
     };
-    Some(figure(experiment, (0..n_axes).map(square).collect(), dof, RepeatedIn::Neighbours))
+    let measured = experiment.measured.as_ref()?;
+    let all: Vec<usize> = (0..rows.len()).collect();
+    let varies = |axis: usize| squares_of(measured, n_axes, &all, axis) / rows.len() as f64;
+    let sum = |of: &dyn Fn(usize) -> f64| (0..experiment.n_norm).map(of).sum::<f64>();
+    let is_motion = sum(&|axis| square(measured, axis)) < MOTION * MOTION * sum(&varies);
+    let squares = (0..n_axes).map(|axis| square(after, axis)).collect();
+    is_motion.then(|| figure(experiment, squares, dof, RepeatedIn::Neighbours))
 }
 
 /// The figure of these mean squares of the axes.

@@ -18,6 +18,9 @@ use crate::select::simplify::{MAX_COMPARED, single_rivals};
 /// Share of the squares that may be left by effects which are named beside what remains.
 const MAX_PARTLY_LEFT: f64 = 0.5;
 
+/// An error as many times the scatter of neighbouring rows is no noise, though these may not have all of it.
+const FAR: f64 = 10.0;
+
 /// A candidate that would do as well in the place of an effect.
 struct Rival {
     /// Number of the effect among those of the model.
@@ -64,7 +67,7 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
         is_ambiguous: !doubtful.is_empty(),
         was_beyond_noise: !remaining.is_empty() || is_any && chance_of_gain(selected) < STRUCTURE_LEVEL,
         is_left: left > UNEXPLAINED_SHARE || over_noise > MAX_LEFT || rest.is_far_from_repeats,
-        is_mainly_taken: left < MAX_PARTLY_LEFT,
+        is_mainly_taken: left < MAX_PARTLY_LEFT && is_halved(&problem.experiment, &after),
         held_out_falls: match pooled {
             Some(pooled) => pooled.falls(sigma, problem.experiment.n_norm),
             None => HeldOut::of(selected).falls(sigma, problem.experiment.n_norm),
@@ -97,6 +100,12 @@ fn chance_of_gain(selected: &SelectedSignals) -> f64 {
     problem.under(best).reduction(&known, best).p * problem.moves.len() as f64
 }
 
+/// Whether effects take half of the mean square of the rows that fits see, without what is far off.
+fn is_halved(experiment: &Experiment, after: &[f64]) -> bool {
+    let size = |residuals: &[f64]| agreement::signals::size(experiment, &experiment.of_rows(residuals, false)).powi(2);
+    size(after) < MAX_PARTLY_LEFT * size(&experiment.residuals)
+}
+
 /// The error that is left, next to the scatter of the rows.
 struct Rest {
     /// Whether it is far larger than the scatter of rows under the same conditions.
@@ -117,7 +126,10 @@ impl Rest {
                 let is_far_from_repeats = experiment.norm(&rows).is_some_and(is_far);
                 Self { is_far_from_repeats, noise_dof: scatter.dof }
             }
-            RepeatedIn::Neighbours if is_far(agreement::signals::size(experiment, &rows)) => nothing,
+            RepeatedIn::Neighbours if is_far(agreement::signals::size(experiment, &rows)) => {
+                let is_far_from_repeats = agreement::signals::size(experiment, &rows) > FAR * scatter.norm.value;
+                Self { is_far_from_repeats: is_far_from_repeats && scatter.norm.value > 0.0, ..nothing }
+            }
             RepeatedIn::Neighbours => Self { noise_dof: scatter.dof, ..nothing },
         }
     }

@@ -121,7 +121,7 @@ pub(super) fn named(found: &Diagnosis) -> String {
 
 pub(super) fn cases() -> [(&'static str, Fault); 8] {
     [
-        ("no-effect ", Fault::None),
+        ("too-little-data ", Fault::None),
         ("joint-offset joint 4", Fault::Encoder { offset: 0.01, ripple: 0.0 }),
         ("encoder-periodic joint 4", Fault::Encoder { offset: 0.0, ripple: 0.005 }),
         ("axis-error joint 4", Fault::Frame { turn: [0.004, 0.003, 0.0], shift: [0.0; 3] }),

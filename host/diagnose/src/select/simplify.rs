@@ -17,6 +17,7 @@ use super::problem::{RegressionProblem as _, Trial, Under};
 use super::robust_fit::pseudo_inverse;
 use super::signals::{Fit, Signals};
 use super::significance::RIVAL_LEVEL;
+use crate::effect::Place;
 
 /// Share of its information that an effect keeps beside a model which spans it.
 const SPANNED: f64 = 1e-2;
@@ -35,9 +36,18 @@ pub(super) fn smaller_if_as_good<'t>(
 ) -> &'t Trial<Signals> {
     let under = problem.under(a);
     let (low, high) = if under.is_lower(b, a) { (b, a) } else { (a, b) };
-    let is_smaller = problem.n_values(&high.fit) < problem.n_values(&low.fit);
+    let is_smaller = size(problem, &high.fit) < size(problem, &low.fit);
     let is_free = |fit: &Fit| !fit.active.iter().any(|&k| problem.experiment.candidates[k].has_prior());
     if is_smaller && is_free(&low.fit) && under.reduction(high, low).p > RIVAL_LEVEL { high } else { low }
+}
+
+/// How large a model is: its values, and of as many its effects of two joints together. Friction of two joints is that of their
+/// sum and of their difference as well.
+fn size(problem: &Signals, fit: &Fit) -> (usize, usize) {
+    let is_coupled = |&&k: &&usize| {
+        matches!(problem.experiment.candidates[k].site.place, Place::JointWithLast(_) | Place::JointAgainstLast(_))
+    };
+    (problem.n_values(fit), fit.active.iter().filter(is_coupled).count())
 }
 
 /// The model with sets of effects replaced by one that does as well; the first `n_known` stay.
@@ -114,7 +124,7 @@ fn replaced(problem: &Signals, best: &Trial<Signals>, n_known: usize, other: usi
         now = model.trial(best.effect);
     }
     let Ok(now) = problem.refitted(&now);
-    let is_smaller = problem.n_values(&now.fit) < problem.n_values(&best.fit);
+    let is_smaller = size(problem, &now.fit) < size(problem, &best.fit);
     (is_smaller && weighted.reduction(&now, best).p > RIVAL_LEVEL).then_some(now)
 }
 
@@ -161,7 +171,7 @@ pub(crate) fn surrogates(problem: &Signals, best: &Trial<Signals>, n_known: usiz
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effect::{Law, Place, Site};
+    use crate::effect::{Law, Site};
     use crate::linearise::experiment::{Axis, Candidate, Curvature, Experiment};
     use crate::measured::Measured;
     use crate::prepare::groups::Groups;
@@ -214,6 +224,22 @@ mod tests {
         assert_eq!(simplified(&problem, model.clone(), 0).fit.active, [0]);
         // What is known stays, and with it nothing smaller is left.
         assert_eq!(simplified(&problem, model, 3).fit.active, [1, 2, 3]);
+    }
+
+    #[test]
+    fn effects_of_two_joints_are_no_sum_and_difference() {
+        let problem = signals(
+            &[
+                (Law::ViscousFriction, Place::Joint(0), &|[v, _]| [v, 0.0]),
+                (Law::ViscousFriction, Place::Joint(1), &|[_, w]| [0.0, w]),
+                (Law::ViscousFriction, Place::JointWithLast(1), &|[v, w]| [v + w, v + w]),
+                (Law::ViscousFriction, Place::JointAgainstLast(1), &|[v, w]| [v - w, w - v]),
+            ],
+            |[v, w]| [0.8 * v, 0.8 * w],
+        );
+        let mut active = simplified(&problem, problem.fitted(vec![2, 3]), 0).fit.active;
+        active.sort_unstable();
+        assert_eq!(active, [0, 1]);
     }
 
     #[test]

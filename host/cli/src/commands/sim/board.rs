@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use darm_arm::board_profile::BoardProfile;
-use darm_core::profile::PinTable;
 use darm_core::output::Wiring;
+use darm_core::profile::PinTable;
 use darm_core::sequencer::{Command, Phase};
 use darm_device::client::Client;
 use darm_device::follow::Follower;
