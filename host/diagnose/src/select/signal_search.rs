@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::factored::Factored;
 use super::problem::{CandidateName, Loss, Neighbours, Policy, RegressionProblem, Trial, Under};
-use super::signals::{Fit, Signals, Weighting, in_noise};
+use super::signals::{Fit, NEGLIGIBLE_LOSS, Signals, Weighting, in_noise};
 use super::significance::{DISCOVERY_LEVEL, LossReduction, SIGNAL_RIVAL_LEVEL, paired_t_test};
 use crate::progress::Progress;
 
@@ -156,7 +156,12 @@ impl RegressionProblem for Signals {
             cell[1] += after;
         }
         cells.retain(|[before, after]| before != after);
-        paired_t_test(&cells)
+        let sum: f64 = cells.iter().map(|[before, after]| before - after).sum();
+        // Models that predict the same differ by rounding, always to one side.
+        match paired_t_test(&cells) {
+            reduction if sum.abs() < NEGLIGIBLE_LOSS => LossReduction { p: 1.0, ..reduction },
+            reduction => reduction,
+        }
     }
 }
 

@@ -26,7 +26,7 @@ use crate::prepare::repeatability::MEDIAN_OF_NORMAL;
 use crate::progress::Progress;
 
 /// Residuals that are off by so little, in squares of the noise, decide nothing.
-const NEGLIGIBLE_LOSS: f64 = 1e-2;
+pub(super) const NEGLIGIBLE_LOSS: f64 = 1e-2;
 /// One row in as many, the farthest off, does not count in the noise. Of a model that holds every law from the start the
 /// median gives the noise: it leaves nothing that outliers could be mistaken for.
 const TRIMMED: usize = 100;

@@ -11,13 +11,13 @@
 
 use nalgebra::{Cholesky, DVector, Dyn};
 
-use super::factored::Factored;
+use super::factored::{Factored, judged};
 use super::forward::rivals;
 use super::problem::{RegressionProblem as _, Trial, Under};
 use super::robust_fit::pseudo_inverse;
 use super::signals::{Fit, Signals};
 use super::significance::RIVAL_LEVEL;
-use crate::effect::Place;
+use crate::effect::{Law, Place};
 
 /// Share of its information that an effect keeps beside a model which spans it.
 const SPANNED: f64 = 1e-2;
@@ -36,18 +36,9 @@ pub(super) fn smaller_if_as_good<'t>(
 ) -> &'t Trial<Signals> {
     let under = problem.under(a);
     let (low, high) = if under.is_lower(b, a) { (b, a) } else { (a, b) };
-    let is_smaller = size(problem, &high.fit) < size(problem, &low.fit);
+    let is_smaller = problem.n_values(&high.fit) < problem.n_values(&low.fit);
     let is_free = |fit: &Fit| !fit.active.iter().any(|&k| problem.experiment.candidates[k].has_prior());
     if is_smaller && is_free(&low.fit) && under.reduction(high, low).p > RIVAL_LEVEL { high } else { low }
-}
-
-/// How large a model is: its values, and of as many its effects of two joints together. Friction of two joints is that of their
-/// sum and of their difference as well.
-fn size(problem: &Signals, fit: &Fit) -> (usize, usize) {
-    let is_coupled = |&&k: &&usize| {
-        matches!(problem.experiment.candidates[k].site.place, Place::JointWithLast(_) | Place::JointAgainstLast(_))
-    };
-    (problem.n_values(fit), fit.active.iter().filter(is_coupled).count())
 }
 
 /// The model with sets of effects replaced by one that does as well; the first `n_known` stay.
@@ -55,12 +46,35 @@ pub(super) fn simplified(problem: &Signals, mut best: Trial<Signals>, n_known: u
     let smaller = |best: &Trial<Signals>| {
         let spanned = spanned_by_active(problem, best).into_iter();
         let mut others = spanned.chain(in_place_of_one(problem, best, n_known));
-        others.find_map(|other| replaced(problem, best, n_known, other))
+        others.find_map(|other| replaced(problem, best, n_known, other)).or_else(|| uncoupled(problem, best, n_known))
     };
     while let Some(next) = smaller(&best) {
         best = next;
     }
     best
+}
+
+/// The model with a law at two joints in the place of the same at their sum and at their difference, where it does as well.
+fn uncoupled(problem: &Signals, best: &Trial<Signals>, n_known: usize) -> Option<Trial<Signals>> {
+    let (candidates, active) = (&problem.experiment.candidates, &best.fit.active);
+    let at = |law: Law, place: Place| {
+        (0..candidates.len()).filter(move |&k| candidates[k].law == law && candidates[k].site.place == place)
+    };
+    let exchanged = |sum: usize, with: usize| -> Option<Trial<Signals>> {
+        let Place::JointWithLast(joint) = candidates[with].site.place else { return None };
+        let law = candidates[with].law;
+        let difference =
+            at(law, Place::JointAgainstLast(joint)).find_map(|k| active.iter().position(|&own| own == k))?;
+        let pairs = at(law, Place::Joint(joint - 1)).flat_map(|a| at(law, Place::Joint(joint)).map(move |b| [a, b]));
+        let trials = pairs.filter(|pair| pair.iter().all(|own| !active.contains(own))).map(|[a, b]| {
+            let mut active = active.clone();
+            (active[sum], active[difference]) = (a, b);
+            judged(problem.under(best), active, None)
+        });
+        let lowest = problem.under(best).lowest(trials, |trial| trial)?;
+        (difference >= n_known && problem.under(best).reduction(&lowest, best).p > RIVAL_LEVEL).then_some(lowest)
+    };
+    (n_known..active.len()).find_map(|order| exchanged(order, active[order]))
 }
 
 /// The candidates that a model spans already with several of its effects together, with another law or elsewhere.
@@ -124,7 +138,7 @@ fn replaced(problem: &Signals, best: &Trial<Signals>, n_known: usize, other: usi
         now = model.trial(best.effect);
     }
     let Ok(now) = problem.refitted(&now);
-    let is_smaller = size(problem, &now.fit) < size(problem, &best.fit);
+    let is_smaller = problem.n_values(&now.fit) < problem.n_values(&best.fit);
     (is_smaller && weighted.reduction(&now, best).p > RIVAL_LEVEL).then_some(now)
 }
 
@@ -171,7 +185,7 @@ pub(crate) fn surrogates(problem: &Signals, best: &Trial<Signals>, n_known: usiz
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effect::{Law, Site};
+    use crate::effect::Site;
     use crate::linearise::experiment::{Axis, Candidate, Curvature, Experiment};
     use crate::measured::Measured;
     use crate::prepare::groups::Groups;

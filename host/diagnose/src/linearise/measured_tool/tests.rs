@@ -55,10 +55,13 @@ fn an_instrument_may_be_anywhere() {
     assert_eq!(wrong(Pose::new(&Vec3::new(0.3, -1.1, 2.0), Vec3::new(1.5, -0.4, 0.8)), false, NOISE_M), []);
 }
 
-/// What is off by the second order of a fault is far above such noise.
+/// What is off by the second order of a fault is far above such noise. A frame that is moved and turned is not made of the
+/// same turns one after the other, to the second order: beside its law another one may be there.
 #[test]
 fn each_law_alone_explains_its_fault_where_the_noise_is_a_micrometre() {
-    assert_eq!(wrong(Pose::identity(), true, 1e-6), []);
+    let wrong = wrong(Pose::identity(), true, 1e-6);
+    let is_of_frame = |law: &str| ["axis-error", "link-error"].iter().any(|frame| law.starts_with(frame));
+    assert!(wrong.iter().all(|(right, found)| is_of_frame(right) && found.contains(right)), "{wrong:?}");
 }
 
 /// A column is the derivative of the residuals: central differences at zero. Compliances turn by up to 20 N·m times their
