@@ -12,8 +12,8 @@ use crate::prepare::repeatability::{MEDIAN_OF_NORMAL, MIN_DOF};
 const NOT_A_CONDITION: [&str; 2] = ["time", "temperature"];
 /// Variance of r₁ − (r₀ + r₂)/2 of independent r, in units of theirs.
 const BETWEEN_NEIGHBOURS: f64 = 1.5;
-/// Rows follow a motion where what was measured stands out between those beside it by less than this share of how much it
-/// varies: of postures in any order it varies as much.
+/// Rows follow a motion where what was measured differs from the mean of the rows before and after by less than this share of how
+/// much it varies: of postures in any order it differs as much.
 const MOTION: f64 = 0.5;
 /// Such differences of successive rows have this part of a degree of freedom each: 1/(1 + 2·(4/9 + 1/36)).
 const DOF_OF_DIFFERENCE: f64 = 18.0 / 35.0;
