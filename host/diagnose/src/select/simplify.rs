@@ -17,7 +17,7 @@ use super::problem::{RegressionProblem as _, Trial, Under};
 use super::robust_fit::pseudo_inverse;
 use super::signals::{Fit, Signals};
 use super::significance::RIVAL_LEVEL;
-use crate::effect::{Law, Place};
+use crate::effect::Place;
 
 /// Share of its information that an effect keeps beside a model which spans it.
 const SPANNED: f64 = 1e-2;
@@ -56,25 +56,27 @@ pub(super) fn simplified(problem: &Signals, mut best: Trial<Signals>, n_known: u
 
 /// The model with a law at two joints in the place of the same at their sum and at their difference, where it does as well.
 fn uncoupled(problem: &Signals, best: &Trial<Signals>, n_known: usize) -> Option<Trial<Signals>> {
-    let (candidates, active) = (&problem.experiment.candidates, &best.fit.active);
-    let at = |law: Law, place: Place| {
-        (0..candidates.len()).filter(move |&k| candidates[k].law == law && candidates[k].site.place == place)
+    (n_known..best.fit.active.len()).find_map(|sum| uncoupled_at(problem, best, n_known, sum))
+}
+
+/// The same where `sum` is the number of the effect at the sum.
+fn uncoupled_at(problem: &Signals, best: &Trial<Signals>, n_known: usize, sum: usize) -> Option<Trial<Signals>> {
+    let (candidates, active, under) = (&problem.experiment.candidates, &best.fit.active, problem.under(best));
+    let own = &candidates[active[sum]];
+    let Place::JointWithLast(joint) = own.site.place else { return None };
+    let at = |place: Place| {
+        (0..candidates.len()).filter(move |&k| candidates[k].law == own.law && candidates[k].site.place == place)
     };
-    let exchanged = |sum: usize, with: usize| -> Option<Trial<Signals>> {
-        let Place::JointWithLast(joint) = candidates[with].site.place else { return None };
-        let law = candidates[with].law;
-        let difference =
-            at(law, Place::JointAgainstLast(joint)).find_map(|k| active.iter().position(|&own| own == k))?;
-        let pairs = at(law, Place::Joint(joint - 1)).flat_map(|a| at(law, Place::Joint(joint)).map(move |b| [a, b]));
-        let trials = pairs.filter(|pair| pair.iter().all(|own| !active.contains(own))).map(|[a, b]| {
-            let mut active = active.clone();
-            (active[sum], active[difference]) = (a, b);
-            judged(problem.under(best), active, None)
-        });
-        let lowest = problem.under(best).lowest(trials, |trial| trial)?;
-        (difference >= n_known && problem.under(best).reduction(&lowest, best).p > RIVAL_LEVEL).then_some(lowest)
-    };
-    (n_known..active.len()).find_map(|order| exchanged(order, active[order]))
+    let difference = at(Place::JointAgainstLast(joint)).find_map(|k| active.iter().position(|&own| own == k))?;
+    let pairs = at(Place::Joint(joint - 1)).flat_map(|a| at(Place::Joint(joint)).map(move |b| [a, b]));
+    let open = pairs.filter(|pair| pair.iter().all(|own| !active.contains(own)));
+    let trials = open.map(|[a, b]| {
+        let mut active = active.clone();
+        (active[sum], active[difference]) = (a, b);
+        judged(under, active, None)
+    });
+    let lowest = under.lowest(trials, |trial| trial)?;
+    (difference >= n_known && under.reduction(&lowest, best).p > RIVAL_LEVEL).then_some(lowest)
 }
 
 /// The candidates that a model spans already with several of its effects together, with another law or elsewhere.
@@ -185,7 +187,7 @@ pub(crate) fn surrogates(problem: &Signals, best: &Trial<Signals>, n_known: usiz
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effect::Site;
+    use crate::effect::{Law, Site};
     use crate::linearise::experiment::{Axis, Candidate, Curvature, Experiment};
     use crate::measured::Measured;
     use crate::prepare::groups::Groups;
