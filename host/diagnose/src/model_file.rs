@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use crate::linearise::model::{ModelError, is_robot_file};
 use crate::linearise::model_effects::ModelEffect;
 use crate::measured::Measured;
-use darm_robot::dh;
 use darm_robot::source::Source;
 
 /// A joint of a model that does not move: its name, and its position in deg or mm.
@@ -33,14 +32,13 @@ impl ModelFile {
     ///
     /// A file that cannot be read, or that is not TOML.
     pub fn read(path: &Path, kind: Measured) -> Result<Self, ModelError> {
-        let source = Source::read_lossy(path)?;
-        let keys = if is_robot_file(path) || dh::is_table(source.text()) {
+        let keys = if is_robot_file(path) {
             let observed = if kind == Measured::ContactWrench { "wrench" } else { "torque" };
             let own = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
             let keys = [("kind", "robot".to_string()), ("urdf", own), ("observed", observed.into())];
             keys.map(|(key, value)| (key.to_string(), toml::Value::String(value))).into_iter().collect()
         } else {
-            source.parse()?
+            Source::read(path)?.parse()?
         };
         Ok(Self { path: path.into(), keys })
     }

@@ -1,5 +1,4 @@
-//! The model of an experiment that is no arm of words: a small TOML, or the file of a robot alone: URDF, MJCF or a
-//! Denavit–Hartenberg table.
+//! The model of an experiment that is no arm of words: a small TOML, or the file of a robot alone, URDF or MJCF.
 //!
 //! ```toml
 //! kind = "cylinder"        # force of one fluid actuator: p·A
@@ -38,7 +37,6 @@ use crate::linearise::model_effects::ModelEffect;
 use crate::linearise::point_contact::Points;
 use crate::linearise::torque::Transmission;
 use darm_robot::description::{self, DescriptionError};
-use darm_robot::dh;
 use darm_robot::robot::Robot;
 use darm_robot::source::{FileError, Source};
 use darm_robot::urdf::Locks;
@@ -182,9 +180,6 @@ impl Model {
             return Ok(Some(What::Any(description::read(path, locks)?).into()));
         }
         let source = Source::read(path)?;
-        if dh::is_table(source.text()) {
-            return Ok(Some(What::Any(description::read(path, locks)?).into()));
-        }
         let table = source.text().parse::<toml::Table>().ok();
         if !table.is_some_and(|table| table.get("kind").is_some_and(toml::Value::is_str)) {
             return Ok(None);
