@@ -87,60 +87,71 @@ pub(crate) struct Recursion {
     pub(crate) depth: u32,
 }
 
+/// Wakes a task, or clones and drops its waker.
+pub(crate) const WAKERS: Callee = Named("embassy_executor::raw::waker::");
+
+/// These format any value, by its vtable, and may write themselves.
+pub(crate) const FORMATS_ANY: Indirect = Indirect {
+    callers: &[
+        "core::fmt::write",
+        "<core::fmt::Formatter>::debug_struct_field1_finish",
+        "<&T as core::fmt::",
+        "<&dyn core::fmt::",
+    ],
+    callees: &[
+        Named("core::fmt::Binary"),
+        Named("core::fmt::Debug"),
+        Named("core::fmt::Display"),
+        Named("core::fmt::LowerHex"),
+        Named("core::fmt::UpperHex"),
+        Named("core::fmt::Write>::write_str"),
+        Named("core::fmt::Write>::write_char"),
+        Named("core::fmt::Write::write_char"),
+    ],
+};
+
+/// All other formatting writes text to any output. The text commands also wake, and drop a line that is an output;
+/// the compiler puts them into the future that watches for a stop meanwhile.
+pub(crate) const WRITES_TEXT: Indirect = Indirect {
+    callers: &[
+        "core::fmt::",
+        "darm_firmware::crash",
+        "darm_firmware::kept",
+        "firmware::text",
+        "<core::pin::Pin<P> as core::future::future::Future>",
+        "<&mut F as core::future::future::Future>",
+    ],
+    callees: &[
+        Named("core::fmt::Write>::write_str"),
+        Named("core::fmt::Write>::write_char"),
+        Named("core::fmt::Write::write_char"),
+        Named("core::ptr::drop_in_place<darm_firmware::text::Line>"),
+        WAKERS,
+    ],
+};
+
+/// Records of the storage are values behind a vtable.
+pub(crate) const STORES_RECORDS: Indirect = Indirect {
+    callers: &["sequential_storage::"],
+    callees: &[Named("sequential_storage::map::Value>::serialize_into"), WAKERS],
+};
+
+/// What reads several records holds the address of the function that reads one in a register.
+pub(crate) const READS_RECORDS: Indirect = Indirect {
+    callers: &["darm_firmware::store::"],
+    callees: &[Named("darm_firmware::store::Store<F>::fetch"), WAKERS],
+};
+
 /// The first rule of which a caller matches is taken. Functions of no rule call directly only.
 const INDIRECT: &[Indirect] = &[
     // All tasks run in the executor of this interrupt; the control tick is none.
     Indirect { callers: &["SWPMI1"], callees: &[Named("embassy_executor::raw::TaskStorage<F>::poll")] },
     // The chip's loader: nothing of this image runs after it.
     Indirect { callers: &["__cortex_m_rt_main"], callees: &[] },
-    // These format any value, by its vtable, and may write themselves.
-    Indirect {
-        callers: &[
-            "core::fmt::write",
-            "<core::fmt::Formatter>::debug_struct_field1_finish",
-            "<&T as core::fmt::",
-            "<&dyn core::fmt::",
-        ],
-        callees: &[
-            Named("core::fmt::Binary"),
-            Named("core::fmt::Debug"),
-            Named("core::fmt::Display"),
-            Named("core::fmt::LowerHex"),
-            Named("core::fmt::UpperHex"),
-            Named("core::fmt::Write>::write_str"),
-            Named("core::fmt::Write>::write_char"),
-            Named("core::fmt::Write::write_char"),
-        ],
-    },
-    // All other formatting writes text to any output. The text commands also wake, and drop a line that is an output;
-    // the compiler puts them into the future that watches for a stop meanwhile.
-    Indirect {
-        callers: &[
-            "core::fmt::",
-            "darm_firmware::crash",
-            "darm_firmware::kept",
-            "firmware::text",
-            "<core::pin::Pin<P> as core::future::future::Future>",
-            "<&mut F as core::future::future::Future>",
-        ],
-        callees: &[
-            Named("core::fmt::Write>::write_str"),
-            Named("core::fmt::Write>::write_char"),
-            Named("core::fmt::Write::write_char"),
-            Named("core::ptr::drop_in_place<darm_firmware::text::Line>"),
-            Named("embassy_executor::raw::waker::"),
-        ],
-    },
-    // Records of the storage are values behind a vtable.
-    Indirect {
-        callers: &["sequential_storage::"],
-        callees: &[Named("sequential_storage::map::Value>::serialize_into"), Named("embassy_executor::raw::waker::")],
-    },
-    // What reads several records holds the address of the function that reads one in a register.
-    Indirect {
-        callers: &["darm_firmware::store::"],
-        callees: &[Named("darm_firmware::store::Store<F>::fetch"), Named("embassy_executor::raw::waker::")],
-    },
+    FORMATS_ANY,
+    WRITES_TEXT,
+    STORES_RECORDS,
+    READS_RECORDS,
     // A board says what it knows of itself.
     Indirect {
         callers: &[
@@ -162,7 +173,7 @@ const INDIRECT: &[Indirect] = &[
             "darm_firmware::",
             "darm_b_l475e_iot01a::",
         ],
-        callees: &[Named("embassy_executor::raw::waker::")],
+        callees: &[WAKERS],
     },
 ];
 

@@ -1,6 +1,7 @@
 //! What the code of the Pico's image does not say.
 
-use super::Callee::{self, Named};
+use super::Callee::Named;
+use super::{FORMATS_ANY, READS_RECORDS, STORES_RECORDS, WAKERS, WRITES_TEXT};
 use super::{Indirect, Level, Lists, MAY_PANIC, MayPanic, RECURSION};
 
 /// The Raspberry Pi Pico. `main::set_priorities` in its firmware sets the levels.
@@ -63,9 +64,6 @@ const MAY_PANIC_IN_LAYERS: &[MayPanic] = &[
     },
 ];
 
-/// Wakes a task, or clones and drops its waker.
-const WAKERS: Callee = Named("embassy_executor::raw::waker::");
-
 /// The first rule of which a caller matches is taken.
 const INDIRECT: &[Indirect] = &[
     // The control tick holds the address of the function that runs a row in a register.
@@ -75,35 +73,9 @@ const INDIRECT: &[Indirect] = &[
         callers: &["SWI_IRQ_", "embassy_executor::platform::interrupt::InterruptExecutor::on_interrupt"],
         callees: &[Named("embassy_executor::raw::TaskStorage<F>::poll"), WAKERS],
     },
-    // These format any value, by its vtable, and may write themselves.
-    Indirect {
-        callers: &[
-            "core::fmt::write",
-            "<core::fmt::Formatter>::debug_struct_field1_finish",
-            "<&T as core::fmt::",
-            "<&dyn core::fmt::",
-        ],
-        callees: &[
-            Named("core::fmt::Binary"),
-            Named("core::fmt::Debug"),
-            Named("core::fmt::Display"),
-            Named("core::fmt::LowerHex"),
-            Named("core::fmt::UpperHex"),
-            Named("core::fmt::Write>::write_str"),
-            Named("core::fmt::Write>::write_char"),
-            Named("core::fmt::Write::write_char"),
-        ],
-    },
-    // Records of the storage are values behind a vtable.
-    Indirect {
-        callers: &["sequential_storage::"],
-        callees: &[Named("sequential_storage::map::Value>::serialize_into"), WAKERS],
-    },
-    // What reads several records holds the address of the function that reads one in a register.
-    Indirect {
-        callers: &["darm_firmware::store::"],
-        callees: &[Named("darm_firmware::store::Store<F>::fetch"), WAKERS],
-    },
+    FORMATS_ANY,
+    STORES_RECORDS,
+    READS_RECORDS,
     // A board says what it knows of itself.
     Indirect {
         callers: &["darm_firmware::dispatch::status::<impl darm_firmware::dispatch::Dispatcher<F,C>>::health"],
@@ -116,24 +88,7 @@ const INDIRECT: &[Indirect] = &[
         callers: &["embassy_usb::", "embassy_executor::raw::TaskStorage<F>::poll", "embassy_futures::join"],
         callees: &[Named("embassy_usb::Handler"), WAKERS],
     },
-    // All other formatting writes text to any output.
-    Indirect {
-        callers: &[
-            "core::fmt::",
-            "darm_firmware::crash",
-            "darm_firmware::kept",
-            "firmware::text",
-            "<core::pin::Pin<P> as core::future::future::Future>",
-            "<&mut F as core::future::future::Future>",
-        ],
-        callees: &[
-            Named("core::fmt::Write>::write_str"),
-            Named("core::fmt::Write>::write_char"),
-            Named("core::fmt::Write::write_char"),
-            Named("core::ptr::drop_in_place<darm_firmware::text::Line>"),
-            WAKERS,
-        ],
-    },
+    WRITES_TEXT,
     // The stack of what failed is left behind; then the handler in Rust ends the start.
     Indirect { callers: &["HardFault"], callees: &[Named("pico::fault::on_hard_fault")] },
     // All else that calls indirectly wakes a task or clones and drops its waker, or calls the boot ROM.
