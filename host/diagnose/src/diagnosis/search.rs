@@ -54,8 +54,7 @@ pub(super) fn select(
     // What was selected changes the constants and columns of other laws, and so what is to be selected.
     for _ in 1..MAX_SEARCHES {
         let before = in_model(&found.problem, &found.best);
-        let (values, effects) = (&found.best.fit.values, before.clone());
-        let Some(near) = Near::model(&found.problem.experiment, values, effects) else { break };
+        let Some(near) = Near::model(&found.problem.experiment, &found.best.fit.values, &before) else { break };
         let (experiment, _) = experiment_near(model, &data, options, Some(near))?;
         found = Found::search(experiment, found.problem.groups, &agreement, &before, options)?;
         if are_same(&before, &in_model(&found.problem, &found.best)) {

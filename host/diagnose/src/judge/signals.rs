@@ -117,20 +117,18 @@ struct Rest {
 
 impl Rest {
     fn of(experiment: &Experiment, after: &[f64], scatter: Option<&Repeatability>) -> Self {
-        let nothing = Self { is_far_from_repeats: false, noise_dof: 0 };
-        let Some(scatter) = scatter else { return nothing };
-        let rows = experiment.of_rows(after, false);
-        let is_far = |error: f64| error > MAX_LEFT * scatter.norm.value;
+        let Some(scatter) = scatter else { return Self { is_far_from_repeats: false, noise_dof: 0 } };
+        let (rows, noise) = (experiment.of_rows(after, false), scatter.norm.value);
         match scatter.repeated_in {
             RepeatedIn::Rows => {
-                let is_far_from_repeats = experiment.norm(&rows).is_some_and(is_far);
+                let is_far_from_repeats = experiment.norm(&rows).is_some_and(|error| error > MAX_LEFT * noise);
                 Self { is_far_from_repeats, noise_dof: scatter.dof }
             }
-            RepeatedIn::Neighbours if is_far(agreement::signals::size(experiment, &rows)) => {
-                let is_far_from_repeats = agreement::signals::size(experiment, &rows) > FAR * scatter.norm.value;
-                Self { is_far_from_repeats: is_far_from_repeats && scatter.norm.value > 0.0, ..nothing }
+            RepeatedIn::Neighbours => {
+                let size = agreement::signals::size(experiment, &rows);
+                let noise_dof = if size > MAX_LEFT * noise { 0 } else { scatter.dof };
+                Self { is_far_from_repeats: noise > 0.0 && size > FAR * noise, noise_dof }
             }
-            RepeatedIn::Neighbours => Self { noise_dof: scatter.dof, ..nothing },
         }
     }
 }

@@ -62,10 +62,8 @@ struct Motion {
 impl Motion {
     /// The same where joints are not where their encoders show them.
     fn placed(&self, placement: &Placement) -> Self {
-        let rows = 0..self.payload.len();
-        let shown = |row: usize| self.q.iter().map(|channel| channel[row]).collect::<Vec<f64>>();
-        let moved: Vec<Vec<f64>> = rows.map(|row| placement.position(&shown(row))).collect();
-        let q = (0..self.q.len()).map(|joint| moved.iter().map(|row| row[joint]).collect()).collect();
+        let of_joint = |(shown, offset): (&Vec<f64>, &f64)| shown.iter().map(|q| q + offset).collect();
+        let q = self.q.iter().zip(&placement.offsets).map(of_joint).collect();
         Self { q, v: self.v.clone(), a: self.a.clone(), ..Self::default() }
     }
 }
@@ -329,7 +327,9 @@ fn regressor_at(robot: &Robot, motion: &Motion, placement: &Placement, rows: usi
     if placement.is_as_modelled(robot) {
         return (nominal, columns);
     }
-    let tilted = Robot { gravity: placement.gravity(), ..robot.clone() };
+    // They are as large as all else together.
+    drop(columns);
+    let tilted = Robot { gravity: placement.gravity, ..robot.clone() };
     (nominal, regressor(&tilted, &motion.placed(placement), rows).1)
 }
 

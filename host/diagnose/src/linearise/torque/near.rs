@@ -22,7 +22,7 @@ pub(crate) struct Near {
 impl Near {
     /// The model with these values of an experiment's candidates, which are these effects; `None` where nothing of the
     /// experiment changes with it.
-    pub(crate) fn model(experiment: &Experiment, values: &[f64], effects: Vec<ModelEffect>) -> Option<Self> {
+    pub(crate) fn model(experiment: &Experiment, values: &[f64], effects: &[ModelEffect]) -> Option<Self> {
         let changes = |effect: &ModelEffect| {
             matches!(effect.law, Law::MassDistribution | Law::JointOffset | Law::BaseTilt) || is_ripple(effect.law)
         };
@@ -33,6 +33,6 @@ impl Near {
         let mut without_ripples = values.to_vec();
         let ripples = experiment.candidates.iter().zip(offsets).filter(|(candidate, _)| is_ripple(candidate.law));
         ripples.for_each(|(_, at)| without_ripples[at] = 0.0);
-        Some(Self { effects, residuals: experiment.at(&without_ripples) })
+        Some(Self { effects: effects.to_vec(), residuals: experiment.at(&without_ripples) })
     }
 }

@@ -55,8 +55,9 @@ pub(super) type Carried = Option<(usize, usize)>;
 /// Where joints and base of a robot are, beside where it has them.
 pub(super) struct Placement {
     /// Of each joint, rad or m.
-    offsets: Vec<f64>,
-    gravity: Vec3<f64>,
+    pub(super) offsets: Vec<f64>,
+    /// Gravity in the frame of the base, m/s².
+    pub(super) gravity: Vec3<f64>,
 }
 
 impl Placement {
@@ -77,13 +78,8 @@ impl Placement {
         self.gravity == robot.gravity && self.offsets.iter().all(|offset| *offset == 0.0)
     }
 
-    /// Gravity in the frame of the base, m/s².
-    pub(super) fn gravity(&self) -> Vec3<f64> {
-        self.gravity
-    }
-
     /// Positions of all joints where their encoders show these.
-    pub(super) fn position(&self, shown: &[f64]) -> Vec<f64> {
+    fn position(&self, shown: &[f64]) -> Vec<f64> {
         shown.iter().zip(&self.offsets).map(|(q, offset)| q + offset).collect()
     }
 }
