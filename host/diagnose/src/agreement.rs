@@ -4,6 +4,7 @@
 //! many effects to some degree. A reading here has no value that is fitted, so that it costs nothing to explain much with it.
 
 mod column_readings;
+mod comparison;
 pub(crate) mod poses;
 pub(crate) mod signals;
 

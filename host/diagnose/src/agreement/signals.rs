@@ -1,80 +1,121 @@
 //! Whether signals agree with their model, read as they are or in another way.
-//!
-//! Models of robots are rough before they are identified: friction is missing and masses are guesses. So readings are compared
-//! by what is left with every law at every place, on rows that are left out in turn: the sum over the axes of the logarithm of
-//! the error as a share of what was measured, which another unit does not change.
 
-use std::collections::BTreeMap;
+use std::f64::consts::FRAC_PI_2;
 
-use rayon::prelude::{IntoParallelIterator as _, ParallelIterator as _};
-
-use super::column_readings::{Hypothesis, around, hypotheses, units};
+use super::column_readings::{hypotheses, units};
+use super::comparison::{AxisLeft, Better, Comparison, Laws};
 use super::{Agreement, FEW, trimmed_root_mean_square};
 use crate::effect::Law;
-use crate::error::MIN_PIECES;
-use crate::linearise::experiment::{Columns, Experiment};
+use crate::linearise::columns;
+use crate::linearise::experiment::Experiment;
 use crate::linearise::model::Model;
-use crate::linearise::{columns, linearise};
+use crate::linearise::model_effects::ModelEffect;
 use crate::measurement::{median, root_mean_square};
 use crate::misreading::Misreading;
 use crate::outcome::{Number, OtherReading};
-use crate::prepare::column_reading::ColumnReading;
-use crate::prepare::groups::Groups;
 use crate::prepare::signals::Prepared;
-use crate::select::backward::every_law;
-use crate::select::signals::Signals;
-use crate::select::significance::{DISCOVERY_LEVEL, chance_of_mean};
 
-/// Rows that readings are compared on.
-const ROWS: usize = 600;
 /// A model whose error is below this share of what was measured, on every axis, belongs to its log.
 const NEAR: f64 = 0.1;
-/// Factor by which the product of the axes' errors falls under another reading, with every law.
-const MUCH_LESS: f64 = 2.0;
-/// Share of its error that is left of the model as it is under another reading.
-const MUCH_LESS_AS_IT_IS: f64 = 0.25;
 /// Share of the variance that a model explains whose error is larger than what was measured varies, by far: rough models of a
 /// robot have neither friction nor motors, and explain little.
 const WORSE_THAN_NONE: f64 = -1.0;
 /// Least variation of what is predicted, as a share of that of the error, with which an error says that a model is wrong.
 const MIN_VARIATION: f64 = 0.25;
 /// Error under another reading as a share of what was measured, at the most.
-const AGREES: f64 = 0.5;
+pub(super) const AGREES: f64 = 0.5;
 /// What remains of the variation of a log in another unit, as a share, at the most.
-const FOLLOWS: f64 = 0.9;
+pub(super) const FOLLOWS: f64 = 0.9;
 /// Factor between measured and predicted signals from which on they are in different units.
-const OTHER_UNIT: f64 = 20.0;
-/// Hypotheses that are compared with every law, the best ones of the model as it is.
-const COMPARED: usize = 12;
-/// Times that laws with impossible sizes are taken out of a fit.
-const MAX_ROUNDS: usize = 4;
-/// A row counts as this multiple of the usual error at most.
-const FAR: f64 = 4.0;
+pub(super) const OTHER_UNIT: f64 = 20.0;
 
 /// How the training rows of a table agree with its model; `experiment` is of the table as it is read.
-pub(crate) fn agreement(model: &Model, data: &Prepared, experiment: &Experiment) -> Agreement {
-    let Some(training) = Training::of(experiment) else { return Agreement::AsRead };
+pub(crate) fn agreement(model: &Model, data: &Prepared, experiment: &Experiment) -> FirstLook {
+    let Some(training) = Training::of(experiment) else { return Agreement::AsRead.into() };
     let is_near = (0..experiment.n_norm).all(|axis| training.share(experiment, axis) < NEAR);
     if is_near {
-        return Agreement::AsRead;
+        return Agreement::AsRead.into();
     }
     let columns = columns(model, data);
     if let Some((factor, error)) = training.other_unit(experiment) {
         // Of a wrench the norm is the centre of pressure, which moments are in.
         let columns = columns.measured.iter().filter_map(|group| group.last().cloned()).collect();
-        return otherwise(Misreading::ColumnScale { columns, factor }, error, experiment);
+        let misreading = Misreading::ColumnScale { columns, factor };
+        return Agreement::Otherwise(other_reading(misreading, error, experiment)).into();
     }
     let (comparison, tests_the_model) = (Comparison { model, data }, training.tests_the_model(experiment));
     let tried = if tests_the_model { hypotheses(model, data, &columns) } else { units(&columns) };
-    match comparison.better(tried, &columns) {
-        Some((error, misreading)) => otherwise(misreading, error, experiment),
-        None if !tests_the_model => {
+    let better = comparison.better(tried, &columns);
+    let reading =
+        |better: &Better| other_reading(better.tried.hypothesis.misreading.clone(), better.tried.left.norm, experiment);
+    if let Some(better) = better.as_ref().filter(|better| better.laws != Laws::All) {
+        return Agreement::Otherwise(reading(better)).into();
+    }
+    let agreement = match () {
+        () if !tests_the_model => {
             // A constant error that is larger than all that was measured is no effect: the model is another robot's.
             let is_worse = size(experiment, &training.residuals) > size(experiment, &training.measured);
             if is_worse { Agreement::Hardly(0) } else { Agreement::AsRead }
         }
-        None if training.explained(experiment, &training.residuals) < WORSE_THAN_NONE => Agreement::Hardly(FEW),
-        None => Agreement::AsRead,
+        () if training.explained(experiment, &training.residuals) < WORSE_THAN_NONE => Agreement::Hardly(FEW),
+        () => Agreement::AsRead,
+    };
+    let contest = better.map(|better| Contest { reading: reading(&better), log: better.tried.left.log });
+    FirstLook { agreement, contest }
+}
+
+/// How a table agrees with its model before any effect is searched.
+#[derive(Clone, Debug)]
+pub(crate) struct FirstLook {
+    /// As it is read.
+    pub(crate) agreement: Agreement,
+    /// A reading that may be the right one instead.
+    pub(crate) contest: Option<Contest>,
+}
+
+impl From<Agreement> for FirstLook {
+    fn from(agreement: Agreement) -> Self {
+        Self { agreement, contest: None }
+    }
+}
+
+/// A reading that leaves far less than the table as it is read, both with every law. These are straight lines there: where joints,
+/// base and bodies are off together a few effects with their true shapes may leave still less.
+#[derive(Clone, Debug)]
+pub(crate) struct Contest {
+    reading: OtherReading,
+    /// What it leaves, as [`Left::log`].
+    log: f64,
+}
+
+impl Contest {
+    /// The reading, unless a model of these effects leaves no more of the training rows, `predicted` by fits that have not seen
+    /// them, and does not say the same in other words.
+    pub(crate) fn lost(
+        self,
+        experiment: &Experiment,
+        predicted: &[f64],
+        effects: &[ModelEffect],
+    ) -> Option<OtherReading> {
+        let training = Training::of(experiment)?;
+        let measured = variation(experiment, &training.measured);
+        let n_axes = experiment.axes.len();
+        let axis = |axis: usize| {
+            let [left, measured] = [predicted, &measured].map(|rows| trimmed_of_axis(rows, axis, n_axes));
+            (measured > 0.0).then(|| AxisLeft { axis, left, measured }.log())
+        };
+        let log: f64 = (0..experiment.n_norm).filter_map(axis).sum();
+        (log > self.log || effects.iter().any(|effect| self.is_said_by(effect))).then_some(self.reading)
+    }
+
+    /// Whether an effect moves a joint or the base at least half as far as the reading does.
+    fn is_said_by(&self, effect: &ModelEffect) -> bool {
+        let angle = match (&self.reading.misreading, effect.law) {
+            (Misreading::OtherZero { zero, .. }, Law::JointOffset) => zero.abs(),
+            (Misreading::Mounting { .. }, Law::BaseTilt) => FRAC_PI_2,
+            _ => return false,
+        };
+        effect.values.values().map(|value| value * value).sum::<f64>().sqrt() > 0.5 * angle
     }
 }
 
@@ -88,14 +129,14 @@ pub(crate) fn explained(experiment: &Experiment, residuals: &[f64]) -> f64 {
 }
 
 /// The rows that fits see of what was predicted and measured: rows × axes, one row at least.
-struct Training {
+pub(super) struct Training {
     residuals: Vec<f64>,
-    measured: Vec<f64>,
+    pub(super) measured: Vec<f64>,
 }
 
 impl Training {
     /// Those of an experiment; `None` where nothing but differences is measured.
-    fn of(experiment: &Experiment) -> Option<Self> {
+    pub(super) fn of(experiment: &Experiment) -> Option<Self> {
         let residuals = experiment.of_rows(&experiment.residuals, false);
         let measured = experiment.of_rows(experiment.measured.as_ref()?, false);
         (!residuals.is_empty()).then_some(Self { residuals, measured })
@@ -150,7 +191,7 @@ impl Training {
 }
 
 /// Rows × axes less the mean of each axis.
-fn variation(experiment: &Experiment, rows: &[f64]) -> Vec<f64> {
+pub(super) fn variation(experiment: &Experiment, rows: &[f64]) -> Vec<f64> {
     let n_axes = experiment.axes.len();
     let n_rows = (rows.len() / n_axes).max(1) as f64;
     let mean: Vec<f64> = (0..n_axes).map(|axis| rows.iter().skip(axis).step_by(n_axes).sum::<f64>() / n_rows).collect();
@@ -169,207 +210,59 @@ pub(crate) fn size(experiment: &Experiment, rows: &[f64]) -> f64 {
 }
 
 /// Root mean square of one axis of rows × axes, without what is far off.
-fn trimmed_of_axis(rows: &[f64], axis: usize, n_axes: usize) -> f64 {
+pub(super) fn trimmed_of_axis(rows: &[f64], axis: usize, n_axes: usize) -> f64 {
     trimmed_root_mean_square(rows.iter().skip(axis).step_by(n_axes).copied().collect())
 }
 
-fn otherwise(misreading: Misreading, error: f64, experiment: &Experiment) -> Agreement {
-    let error = Number::new(error, experiment.unit());
-    Agreement::Otherwise(OtherReading { misreading, error })
+fn other_reading(misreading: Misreading, error: f64, experiment: &Experiment) -> OtherReading {
+    OtherReading { misreading, error: Number::new(error, experiment.unit()) }
 }
 
-/// A table and its model, which may be read in other ways.
-struct Comparison<'a> {
-    model: &'a Model,
-    data: &'a Prepared,
-}
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
 
-/// A hypothesis with what it leaves.
-struct Tried {
-    left: Left,
-    hypothesis: Hypothesis,
-}
+    use super::*;
+    use crate::linearise::experiment::{Axis, Curvature};
+    use crate::measured::Measured;
+    use crate::prepare::groups::Row;
 
-impl Comparison<'_> {
-    /// The best of these hypotheses, where it explains far more than the table as it is read and most of what was measured, and
-    /// its error.
-    fn better(&self, hypotheses: Vec<Hypothesis>, columns: &Columns) -> Option<(f64, Misreading)> {
-        let n_tried = hypotheses.len() as f64;
-        let is_chance = |as_read: &Left, left: &Left| as_read.chance_of_fall_to(left) * n_tried >= DISCOVERY_LEVEL;
-        let mut tried = self.tried(hypotheses, |_| Laws::None);
-        let mut as_read = AsRead { comparison: self, left: BTreeMap::new() };
-        let without_laws = tried.iter().position(|Tried { left, hypothesis }| {
-            as_read.left(hypothesis, Laws::None).is_some_and(|as_read| {
-                let is_near = left.share < AGREES || left.share < FOLLOWS && OTHER_UNIT * left.norm < as_read.norm;
-                is_near && left.norm < MUCH_LESS_AS_IT_IS * as_read.norm && !is_chance(as_read, left)
-            })
-        });
-        if let Some(best) = without_laws {
-            return self.refined(tried.swap_remove(best), columns, Laws::None);
-        }
-        // Friction that the model does not have hides what a short delay changes.
-        let is_compared = |(rank, tried): &(usize, Tried)| *rank < COMPARED || tried.hypothesis.is_short_delay();
-        let compared = tried.into_iter().enumerate().filter(is_compared);
-        let hypotheses = compared.map(|(_, tried)| tried.hypothesis).collect();
-        let far_better = |Tried { left, hypothesis }: &Tried| {
-            left.share < AGREES
-                && as_read
-                    .left(hypothesis, Laws::compared_with(&hypothesis.misreading))
-                    .is_some_and(|as_read| left.log < as_read.log - MUCH_LESS.ln() && !is_chance(as_read, left))
+    const ROWS: usize = 200;
+
+    /// What a contest says of a model that leaves this share of what was measured, with these effects; the reading leaves a
+    /// hundredth.
+    fn is_lost(left: f64, effects: &[ModelEffect]) -> bool {
+        let measured: Vec<f64> = (0..ROWS).map(|k| (k as f64 * 0.7).sin()).collect();
+        let row = |k: usize| Row { line: k, time_s: k as f64, series: 0, motion: 0, key: None, held_out: false };
+        let experiment = Experiment {
+            kind: Measured::JointTorque,
+            axes: vec![Axis::new("joint 1", "N·m")],
+            n_norm: 1,
+            rows: (0..ROWS).map(row).collect(),
+            residuals: measured.clone(),
+            measured: Some(measured.clone()),
+            candidates: Vec::new(),
+            channels: Vec::new(),
+            bodies: Vec::new(),
+            findings: Vec::new(),
+            curvature: Curvature::None,
         };
-        let best = self.tried(hypotheses, Laws::compared_with).into_iter().find(far_better)?;
-        let laws = Laws::compared_with(&best.hypothesis.misreading);
-        self.refined(best, columns, laws)
+        let misreading = Misreading::OtherZero { column: "q1".into(), zero: FRAC_PI_2 };
+        let contest = Contest { reading: other_reading(misreading, 0.007, &experiment), log: 0.01f64.ln() };
+        let predicted: Vec<f64> = measured.iter().map(|measured| left * measured).collect();
+        contest.lost(&experiment, &predicted, effects).is_some()
     }
 
-    /// A delay with those around it tried too; any other reading as it is.
-    fn refined(&self, best: Tried, columns: &Columns, laws: Laws) -> Option<(f64, Misreading)> {
-        let best = match best.hypothesis.misreading {
-            Misreading::Delay { delay_s } => {
-                self.tried(around(self.data, &columns.measured.concat(), delay_s), |_| laws).into_iter().next()?
-            }
-            _ => best,
-        };
-        Some((best.left.norm, best.hypothesis.misreading))
+    fn joint_offset(angle: f64) -> ModelEffect {
+        let values = BTreeMap::from([("offset".to_string(), angle)]);
+        let place = "joint 1".to_string();
+        ModelEffect { law: Law::JointOffset, place, constant: None, values, along: None, points: Vec::new() }
     }
 
-    /// Hypotheses with what they leave, the best one first.
-    fn tried(&self, hypotheses: Vec<Hypothesis>, laws: impl Fn(&Misreading) -> Laws + Sync) -> Vec<Tried> {
-        let tried = hypotheses.into_par_iter().filter_map(|hypothesis| {
-            let Hypothesis { misreading, columns, model } = &hypothesis;
-            let left = self.left(columns, columns.rows_later(), model.as_ref(), laws(misreading))?;
-            Some(Tried { left, hypothesis })
-        });
-        let mut tried: Vec<Tried> = tried.collect();
-        tried.sort_by(|a, b| a.left.log.total_cmp(&b.left.log));
-        tried
-    }
-
-    /// What a reading leaves with these laws, in rows from which the one `rows_later` is in the same stretch; `None` where
-    /// it gives no experiment.
-    fn left(&self, reading: &ColumnReading, rows_later: isize, model: Option<&Model>, laws: Laws) -> Option<Left> {
-        let data = self.data.read_as(reading.clone(), rows_later, ROWS);
-        let experiment = linearise(model.unwrap_or(self.model), &data).ok()?;
-        let measured = variation(&experiment, &Training::of(&experiment)?.measured);
-        let (n_axes, n_norm) = (experiment.axes.len(), experiment.n_norm);
-        let groups = Groups::new(&experiment.rows);
-        let blocks = groups.blocks.clone();
-        if groups.n_blocks < MIN_PIECES {
-            return None;
-        }
-        let residuals = match laws {
-            Laws::None => experiment.of_rows(&experiment.residuals, false),
-            Laws::All => predicted_in_turn(experiment, groups, None),
-            Laws::AllBut(law) => predicted_in_turn(experiment, groups, Some(law)),
-        };
-        let of = |numbers: &[f64], axis: usize| trimmed_of_axis(numbers, axis, n_axes);
-        let axes: Vec<AxisLeft> = (0..n_norm)
-            .map(|axis| AxisLeft { axis, left: of(&residuals, axis), measured: of(&measured, axis) })
-            .filter(|axis| axis.measured > 0.0)
-            .collect();
-        Left::of(&axes, &residuals, n_axes, &blocks)
-    }
-}
-
-/// What a table leaves as it is read: many hypotheses are judged by the same rows and laws.
-struct AsRead<'a> {
-    comparison: &'a Comparison<'a>,
-    left: BTreeMap<(isize, Laws), Option<Left>>,
-}
-
-impl AsRead<'_> {
-    /// In the rows that a hypothesis was judged by.
-    fn left(&mut self, hypothesis: &Hypothesis, laws: Laws) -> Option<&Left> {
-        let rows_later = hypothesis.columns.rows_later();
-        let compute = || self.comparison.left(&ColumnReading::default(), rows_later, None, laws);
-        self.left.entry((rows_later, laws)).or_insert_with(compute).as_ref()
-    }
-}
-
-/// The errors of one axis.
-struct AxisLeft {
-    axis: usize,
-    left: f64,
-    measured: f64,
-}
-
-/// Laws that a model is fitted with, each at all its places.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Laws {
-    None,
-    All,
-    AllBut(Law),
-}
-
-impl Laws {
-    /// All but the law that would do the same as a reading.
-    fn compared_with(misreading: &Misreading) -> Self {
-        match misreading {
-            Misreading::Delay { .. } => Self::AllBut(Law::Delay),
-            Misreading::InvertedColumns { .. } => Self::AllBut(Law::Gain),
-            _ => Self::All,
-        }
-    }
-}
-
-/// Residuals of the training rows, each of a fit with every law at every place that has not seen it; a law that fits best
-/// with an impossible size, a friction below zero, is left out.
-fn predicted_in_turn(experiment: Experiment, groups: Groups, without: Option<Law>) -> Vec<f64> {
-    let problem = Signals::new(experiment, groups);
-    let candidates = &problem.experiment.candidates;
-    let mut laws = every_law(&problem, &[]);
-    laws.retain(|&k| Some(candidates[k].law) != without);
-    let mut best = problem.fitted(laws);
-    for _ in 0..MAX_ROUNDS {
-        let can_be = |k: &usize| {
-            let values = problem.indices(&[*k]).into_iter().zip(&candidates[*k].values);
-            values.into_iter().all(|(index, value)| best.fit.values[index] >= value.min)
-        };
-        let possible: Vec<usize> = best.fit.active.iter().copied().filter(can_be).collect();
-        if possible.len() == best.fit.active.len() {
-            break;
-        }
-        best = problem.fitted(possible);
-    }
-    best.predicted
-}
-
-/// What is left by a reading.
-struct Left {
-    /// Sum over the axes of the norm of the logarithm of the error as a share of what was measured.
-    log: f64,
-    /// Root mean square of these axes together.
-    norm: f64,
-    /// The same as a share of what was measured.
-    share: f64,
-    /// Sum over the axes of the logarithm of the error in each piece of rows, rows that are far off drawn near.
-    pieces: Vec<f64>,
-}
-
-impl Left {
-    /// By the errors of the axes; `None` where nothing was measured.
-    fn of(axes: &[AxisLeft], residuals: &[f64], n_axes: usize, blocks: &[usize]) -> Option<Self> {
-        let log: f64 = axes.iter().map(|axis| (axis.left / axis.measured).max(f64::MIN_POSITIVE).ln()).sum();
-        let rows: Vec<(&[f64], usize)> = residuals.chunks(n_axes).zip(blocks.iter().copied()).collect();
-        let of_piece = |piece: &[(&[f64], usize)]| {
-            let square = |axis: &AxisLeft| {
-                let near = piece.iter().map(|(row, _)| row[axis.axis].abs().min(FAR * axis.left).powi(2));
-                near.sum::<f64>() / piece.len() as f64
-            };
-            axes.iter().map(|axis| 0.5 * square(axis).max(f64::MIN_POSITIVE).ln()).sum()
-        };
-        let norm = |of: fn(&AxisLeft) -> f64| axes.iter().map(|axis| of(axis).powi(2)).sum::<f64>().sqrt();
-        (!axes.is_empty() && log.is_finite()).then_some(Self {
-            log,
-            norm: norm(|axis| axis.left),
-            share: norm(|axis| axis.left) / norm(|axis| axis.measured),
-            pieces: rows.chunk_by(|a, b| a.1 == b.1).map(of_piece).collect(),
-        })
-    }
-
-    /// The chance of as large a fall to what another reading of the same rows leaves.
-    fn chance_of_fall_to(&self, other: &Self) -> f64 {
-        let falls: Vec<f64> = self.pieces.iter().zip(&other.pieces).map(|(own, other)| own - other).collect();
-        chance_of_mean(&falls)
+    #[test]
+    fn a_reading_wins_where_the_model_found_leaves_more_or_says_the_same() {
+        assert!(is_lost(0.02, &[]), "the model leaves twice as much");
+        assert!(!is_lost(0.005, &[joint_offset(0.05)]), "the model leaves half as much");
+        assert!(is_lost(0.005, &[joint_offset(1.5)]), "an offset of 86 deg is a zero 90 deg away");
     }
 }

@@ -1,16 +1,17 @@
 //! The search for what a model of signals is missing: searches near the model that the one before found, until one finds the
 //! same.
 
+use crate::agreement::signals::FirstLook;
 use crate::agreement::{self, Agreement};
 use crate::diagnosis::SignalOptions;
 use crate::effect::Law;
 use crate::error::{DiagnoseError, MIN_PIECES};
 use crate::judge::selected::SelectedSignals;
-use crate::linearise::experiment::{Candidate, Experiment};
-use crate::linearise::linearise_near;
+use crate::linearise::experiment::{Candidate, Columns, Experiment};
 use crate::linearise::model::Model;
 use crate::linearise::model_effects::ModelEffect;
 use crate::linearise::torque::Near;
+use crate::linearise::{columns, linearise_near};
 use crate::measurement::table::Table;
 use crate::measurement::{Finding, FindingKind};
 use crate::prepare::groups::Groups;
@@ -45,9 +46,9 @@ pub(super) fn select(
         return Err(DiagnoseError::TooFewPieces { rows: groups.training.len(), pieces: groups.n_blocks });
     }
     // Of rows that are held out in turn only the first search asks, which has them all.
-    let agreement = match each {
+    let FirstLook { mut agreement, contest } = match each {
         None => agreement::signals::agreement(model, &data, &experiment),
-        Some(_) => Agreement::AsRead,
+        Some(_) => Agreement::AsRead.into(),
     };
     options.progress.enter(Stage::Select)?;
     let mut found = Found::search(experiment, groups, &agreement, &[], options)?;
@@ -60,6 +61,13 @@ pub(super) fn select(
         if are_same(&before, &in_model(&found.problem, &found.best)) {
             break;
         }
+    }
+    let lost = contest.and_then(|contest| {
+        contest.lost(&found.problem.experiment, &found.best.predicted, &in_model(&found.problem, &found.best))
+    });
+    if let Some(reading) = lost {
+        found.best = found.problem.fitted(found.best.fit.active[..found.n_known].to_vec());
+        agreement = Agreement::Otherwise(reading);
     }
     let Found { problem, best, n_known, path } = found;
     options.progress.check()?;
@@ -126,7 +134,7 @@ fn experiment_near(
 ) -> Result<(Experiment, Vec<Candidate>), DiagnoseError> {
     let linearised = linearise_near(model, data, near)?;
     let (mut experiment, rejected) = rejection::of_signals(linearised, &model.effects, &options.rejected)?;
-    check_numbers(&experiment)?;
+    check_numbers(model, data, &experiment)?;
     // A column that overflows determines nothing.
     let values = experiment.candidates.iter_mut().flat_map(|candidate| &mut candidate.values);
     for value in values.filter(|value| !value.column.iter().all(|slope| slope.abs() < LARGEST)) {
@@ -178,10 +186,13 @@ fn always(experiment: &Experiment, laws: &[String]) -> Result<Vec<usize>, Diagno
     Ok(active)
 }
 
-fn check_numbers(experiment: &Experiment) -> Result<(), DiagnoseError> {
-    let n_axes = experiment.axes.len();
-    match experiment.residuals.iter().position(|residual| residual.is_nan() || residual.abs() >= LARGEST) {
-        Some(at) => Err(DiagnoseError::NotANumber { line: experiment.rows[at / n_axes].line }),
-        None => Ok(()),
-    }
+/// Whether all residuals are numbers; else which column is not, or that the model predicts none.
+fn check_numbers(model: &Model, data: &Prepared, experiment: &Experiment) -> Result<(), DiagnoseError> {
+    let is_none = |residual: &f64| residual.is_nan() || residual.abs() >= LARGEST;
+    let Some(at) = experiment.residuals.iter().position(is_none) else { return Ok(()) };
+    let Columns { measured, moving } = columns(model, data);
+    let mut names = measured.into_iter().chain(moving.into_iter().map(|joint| joint.columns)).flatten();
+    let line = experiment.rows[at / experiment.axes.len()].line;
+    let cause = names.find_map(|name| data.first_without_number(&name, LARGEST));
+    Err(cause.map_or(DiagnoseError::NotANumber { line }, DiagnoseError::from))
 }

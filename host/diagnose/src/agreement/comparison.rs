@@ -1,0 +1,245 @@
+//! Readings of signals and their model, held against each other.
+//!
+//! Models of robots are rough before they are identified: friction is missing and masses are guesses. So readings are compared
+//! by the model as it is first, then by what is left with every law at every place, on rows that are left out in turn: the sum
+//! over the axes of the logarithm of the error as a share of what was measured, which another unit does not change.
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::{IntoParallelIterator as _, ParallelIterator as _};
+
+use super::column_readings::{Hypothesis, around};
+use super::signals::{AGREES, FOLLOWS, OTHER_UNIT, Training, trimmed_of_axis, variation};
+use crate::effect::Law;
+use crate::error::MIN_PIECES;
+use crate::linearise::experiment::{Columns, Experiment};
+use crate::linearise::linearise;
+use crate::linearise::model::Model;
+use crate::misreading::Misreading;
+use crate::prepare::column_reading::ColumnReading;
+use crate::prepare::groups::Groups;
+use crate::prepare::signals::Prepared;
+use crate::select::backward::every_law;
+use crate::select::signals::Signals;
+use crate::select::significance::{DISCOVERY_LEVEL, chance_of_mean};
+
+/// Rows that readings are compared on.
+const ROWS: usize = 600;
+/// Factor by which the product of the axes' errors falls under another reading, with every law.
+const MUCH_LESS: f64 = 2.0;
+/// Share of its error that is left of the model as it is under another reading.
+const MUCH_LESS_AS_IT_IS: f64 = 0.25;
+/// Hypotheses that are compared with every law, the best ones of the model as it is.
+const COMPARED: usize = 12;
+/// Times that laws with impossible sizes are taken out of a fit.
+const MAX_ROUNDS: usize = 4;
+/// A row counts as this multiple of the usual error at most.
+const FAR: f64 = 4.0;
+
+/// A table and its model, which may be read in other ways.
+pub(super) struct Comparison<'a> {
+    pub(super) model: &'a Model,
+    pub(super) data: &'a Prepared,
+}
+
+/// A hypothesis with what it leaves.
+pub(super) struct Tried {
+    pub(super) left: Left,
+    pub(super) hypothesis: Hypothesis,
+}
+
+/// A hypothesis that explains far more than the table as it is read, both with these laws.
+pub(super) struct Better {
+    pub(super) tried: Tried,
+    pub(super) laws: Laws,
+}
+
+impl Comparison<'_> {
+    /// The best of these hypotheses, where it explains far more than the table as it is read and most of what was measured.
+    pub(super) fn better(&self, hypotheses: Vec<Hypothesis>, columns: &Columns) -> Option<Better> {
+        let n_tried = hypotheses.len() as f64;
+        let is_chance = |as_read: &Left, left: &Left| as_read.chance_of_fall_to(left) * n_tried >= DISCOVERY_LEVEL;
+        let mut tried = self.tried(hypotheses, |_| Laws::None);
+        let mut as_read = AsItIs { comparison: self, left: BTreeMap::new() };
+        let without_laws = tried.iter().position(|Tried { left, hypothesis }| {
+            as_read.left(hypothesis, Laws::None).is_some_and(|as_read| {
+                let is_near = left.share < AGREES || left.share < FOLLOWS && OTHER_UNIT * left.norm < as_read.norm;
+                is_near && left.norm < MUCH_LESS_AS_IT_IS * as_read.norm && !is_chance(as_read, left)
+            })
+        });
+        if let Some(best) = without_laws {
+            return self.refined(tried.swap_remove(best), columns, Laws::None);
+        }
+        // Friction that the model does not have hides what a short delay changes.
+        let is_compared = |(rank, tried): &(usize, Tried)| *rank < COMPARED || tried.hypothesis.is_short_delay();
+        let compared = tried.into_iter().enumerate().filter(is_compared);
+        let hypotheses = compared.map(|(_, tried)| tried.hypothesis).collect();
+        let far_better = |Tried { left, hypothesis }: &Tried| {
+            left.share < AGREES
+                && as_read
+                    .left(hypothesis, Laws::compared_with(&hypothesis.misreading))
+                    .is_some_and(|as_read| left.log < as_read.log - MUCH_LESS.ln() && !is_chance(as_read, left))
+        };
+        let best = self.tried(hypotheses, Laws::compared_with).into_iter().find(far_better)?;
+        let laws = Laws::compared_with(&best.hypothesis.misreading);
+        self.refined(best, columns, laws)
+    }
+
+    /// A delay with those around it tried too; any other reading as it is.
+    fn refined(&self, best: Tried, columns: &Columns, laws: Laws) -> Option<Better> {
+        let tried = match best.hypothesis.misreading {
+            Misreading::Delay { delay_s } => {
+                self.tried(around(self.data, &columns.measured.concat(), delay_s), |_| laws).into_iter().next()?
+            }
+            _ => best,
+        };
+        Some(Better { tried, laws })
+    }
+
+    /// Hypotheses with what they leave, the best one first.
+    fn tried(&self, hypotheses: Vec<Hypothesis>, laws: impl Fn(&Misreading) -> Laws + Sync) -> Vec<Tried> {
+        let tried = hypotheses.into_par_iter().filter_map(|hypothesis| {
+            let Hypothesis { misreading, columns, model } = &hypothesis;
+            let left = self.left(columns, columns.rows_later(), model.as_ref(), laws(misreading))?;
+            Some(Tried { left, hypothesis })
+        });
+        let mut tried: Vec<Tried> = tried.collect();
+        tried.sort_by(|a, b| a.left.log.total_cmp(&b.left.log));
+        tried
+    }
+
+    /// What a reading leaves with these laws, in rows from which the one `rows_later` is in the same stretch; `None` where
+    /// it gives no experiment.
+    fn left(&self, reading: &ColumnReading, rows_later: isize, model: Option<&Model>, laws: Laws) -> Option<Left> {
+        let data = self.data.read_as(reading.clone(), rows_later, ROWS);
+        let experiment = linearise(model.unwrap_or(self.model), &data).ok()?;
+        let measured = variation(&experiment, &Training::of(&experiment)?.measured);
+        let (n_axes, n_norm) = (experiment.axes.len(), experiment.n_norm);
+        let groups = Groups::new(&experiment.rows);
+        let blocks = groups.blocks.clone();
+        if groups.n_blocks < MIN_PIECES {
+            return None;
+        }
+        let residuals = match laws {
+            Laws::None => experiment.of_rows(&experiment.residuals, false),
+            Laws::All => predicted_in_turn(experiment, groups, None),
+            Laws::AllBut(law) => predicted_in_turn(experiment, groups, Some(law)),
+        };
+        let of = |numbers: &[f64], axis: usize| trimmed_of_axis(numbers, axis, n_axes);
+        let axes: Vec<AxisLeft> = (0..n_norm)
+            .map(|axis| AxisLeft { axis, left: of(&residuals, axis), measured: of(&measured, axis) })
+            .filter(|axis| axis.measured > 0.0)
+            .collect();
+        Left::of(&axes, &residuals, n_axes, &blocks)
+    }
+}
+
+/// What a table leaves as it is read: many hypotheses are judged by the same rows and laws.
+struct AsItIs<'a> {
+    comparison: &'a Comparison<'a>,
+    left: BTreeMap<(isize, Laws), Option<Left>>,
+}
+
+impl AsItIs<'_> {
+    /// In the rows that a hypothesis was judged by.
+    fn left(&mut self, hypothesis: &Hypothesis, laws: Laws) -> Option<&Left> {
+        let rows_later = hypothesis.columns.rows_later();
+        let compute = || self.comparison.left(&ColumnReading::default(), rows_later, None, laws);
+        self.left.entry((rows_later, laws)).or_insert_with(compute).as_ref()
+    }
+}
+
+/// The errors of one axis.
+pub(super) struct AxisLeft {
+    pub(super) axis: usize,
+    pub(super) left: f64,
+    pub(super) measured: f64,
+}
+
+impl AxisLeft {
+    /// The logarithm of the error as a share of what was measured.
+    pub(super) fn log(&self) -> f64 {
+        (self.left / self.measured).max(f64::MIN_POSITIVE).ln()
+    }
+}
+
+/// Laws that a model is fitted with, each at all its places.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Laws {
+    None,
+    All,
+    AllBut(Law),
+}
+
+impl Laws {
+    /// All but the law that would do the same as a reading.
+    fn compared_with(misreading: &Misreading) -> Self {
+        match misreading {
+            Misreading::Delay { .. } => Self::AllBut(Law::Delay),
+            Misreading::InvertedColumns { .. } => Self::AllBut(Law::Gain),
+            _ => Self::All,
+        }
+    }
+}
+
+/// Residuals of the training rows, each of a fit with every law at every place that has not seen it; a law that fits best
+/// with an impossible size, a friction below zero, is left out.
+fn predicted_in_turn(experiment: Experiment, groups: Groups, without: Option<Law>) -> Vec<f64> {
+    let problem = Signals::new(experiment, groups);
+    let candidates = &problem.experiment.candidates;
+    let mut laws = every_law(&problem, &[]);
+    laws.retain(|&k| Some(candidates[k].law) != without);
+    let mut best = problem.fitted(laws);
+    for _ in 0..MAX_ROUNDS {
+        let can_be = |k: &usize| {
+            let values = problem.indices(&[*k]).into_iter().zip(&candidates[*k].values);
+            values.into_iter().all(|(index, value)| best.fit.values[index] >= value.min)
+        };
+        let possible: Vec<usize> = best.fit.active.iter().copied().filter(can_be).collect();
+        if possible.len() == best.fit.active.len() {
+            break;
+        }
+        best = problem.fitted(possible);
+    }
+    best.predicted
+}
+
+/// What is left by a reading.
+pub(super) struct Left {
+    /// Sum over the axes of the norm of the logarithm of the error as a share of what was measured.
+    pub(super) log: f64,
+    /// Root mean square of these axes together.
+    pub(super) norm: f64,
+    /// The same as a share of what was measured.
+    share: f64,
+    /// Sum over the axes of the logarithm of the error in each piece of rows, rows that are far off drawn near.
+    pieces: Vec<f64>,
+}
+
+impl Left {
+    /// By the errors of the axes; `None` where nothing was measured.
+    fn of(axes: &[AxisLeft], residuals: &[f64], n_axes: usize, blocks: &[usize]) -> Option<Self> {
+        let log: f64 = axes.iter().map(AxisLeft::log).sum();
+        let rows: Vec<(&[f64], usize)> = residuals.chunks(n_axes).zip(blocks.iter().copied()).collect();
+        let of_piece = |piece: &[(&[f64], usize)]| {
+            let square = |axis: &AxisLeft| {
+                let near = piece.iter().map(|(row, _)| row[axis.axis].abs().min(FAR * axis.left).powi(2));
+                near.sum::<f64>() / piece.len() as f64
+            };
+            axes.iter().map(|axis| 0.5 * square(axis).max(f64::MIN_POSITIVE).ln()).sum()
+        };
+        let norm = |of: fn(&AxisLeft) -> f64| axes.iter().map(|axis| of(axis).powi(2)).sum::<f64>().sqrt();
+        (!axes.is_empty() && log.is_finite()).then_some(Self {
+            log,
+            norm: norm(|axis| axis.left),
+            share: norm(|axis| axis.left) / norm(|axis| axis.measured),
+            pieces: rows.chunk_by(|a, b| a.1 == b.1).map(of_piece).collect(),
+        })
+    }
+
+    /// The chance of as large a fall to what another reading of the same rows leaves.
+    fn chance_of_fall_to(&self, other: &Self) -> f64 {
+        let falls: Vec<f64> = self.pieces.iter().zip(&other.pieces).map(|(own, other)| own - other).collect();
+        chance_of_mean(&falls)
+    }
+}
