@@ -22,7 +22,9 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use darm_core::duty::{DutyMeters, MeterLimit};
 use darm_core::output::{MAX_SERVOS, ServoWiring};
-use darm_core::sequencer::{Command, CommandError, Event, Outputs, Seen, Sequencer, ServoAction, ServoSeen};
+use darm_core::sequencer::{
+    Command, CommandError, EnableLevel, Event, FarEnd, Outputs, Seen, Sequencer, ServoAction, ServoSeen,
+};
 use darm_core::table::Table;
 use darm_core::units::Micros;
 use darm_core::wire::message::OutputState;
@@ -72,8 +74,10 @@ pub struct Inputs {
     pub button: bool,
     /// The output chain does not return what was shifted into it.
     pub chain_broken: bool,
-    /// Output enable is low although the board has disabled the outputs.
-    pub enable_stuck: bool,
+    /// The level at which output enable stays although the board drives the other one.
+    pub enable_stuck: Option<EnableLevel>,
+    /// What the far end of the output chain shows.
+    pub far_end: FarEnd,
 }
 
 type Raw = CriticalSectionRawMutex;
@@ -233,7 +237,8 @@ impl<'t> Control<'t> {
             shared.inputs.push(now, inputs.switches);
         }
         self.seen.switches = inputs.switches;
-        (self.seen.chain_broken, self.seen.enable_stuck) = (inputs.chain_broken, inputs.enable_stuck);
+        self.seen.chain_broken = inputs.chain_broken;
+        (self.seen.enable_stuck, self.seen.far_end) = (inputs.enable_stuck, inputs.far_end);
         self.button.look(now, inputs.button);
         self.now = now;
         let stops = shared.stops();

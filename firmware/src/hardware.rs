@@ -106,6 +106,9 @@ pub trait Hardware: Sized + 'static {
 pub trait Pins: Chain {
     /// Switches and button as they are now.
     fn inputs(&self) -> Inputs;
+
+    /// Drives the pulse to a camera. Never called unless the profile has one; until then its pin is no output.
+    fn set_sync(&mut self, _high: bool) {}
 }
 
 /// What a board can do.

@@ -8,6 +8,7 @@ mod read_back;
 
 use core::convert::Infallible;
 
+use darm_core::sequencer::{EnableLevel, FarEnd};
 use embedded_hal::digital::{InputPin, OutputPin};
 pub use read_back::ReadBack;
 
@@ -15,6 +16,11 @@ pub use read_back::ReadBack;
 const REFRESH_TICKS: u8 = 100;
 /// Times in a row that something else comes back before the chain counts as broken: one may be a disturbed register.
 const BROKEN: u8 = 2;
+/// Ticks in a row that output enable reads the other level before it counts as stuck: one may be a disturbance.
+const STUCK: u8 = 2;
+/// Times that a far end that does not answer at the start is asked again, with each refresh: its supply may come later than that
+/// of the board.
+const RETRIES: u8 = 3;
 
 /// What carries the lines to the outputs.
 pub trait Chain {
@@ -25,6 +31,12 @@ pub trait Chain {
     /// looks there.
     fn verify(&mut self, lines: u64) -> Option<bool> {
         self.shift(lines);
+        None
+    }
+
+    /// Counts the chips while all lines are low and the outputs are disabled. 0 where the far end does not answer, `None` where the
+    /// board has no input for it.
+    fn count(&mut self) -> Option<u8> {
         None
     }
 
@@ -88,7 +100,15 @@ where
 {
     /// Shifts, and calls `look` before each rising edge of the clock.
     #[inline(always)]
-    fn shift_looking(&mut self, lines: u64, mut look: impl FnMut()) {
+    fn shift_looking(&mut self, lines: u64, look: impl FnMut()) {
+        self.shift_without_latch(lines, look);
+        let Ok(()) = self.latch.set_high();
+        let Ok(()) = self.latch.set_low();
+    }
+
+    /// The same, and the outputs stay as they are.
+    #[inline(always)]
+    fn shift_without_latch(&mut self, lines: u64, mut look: impl FnMut()) {
         // Halves, since a shift of 64 bits costs the chip several instructions.
         for half in [(lines >> 32) as u32, lines as u32] {
             let (mut rest, mut level) = (half, None);
@@ -104,8 +124,6 @@ where
                 rest <<= 1;
             }
         }
-        let Ok(()) = self.latch.set_high();
-        let Ok(()) = self.latch.set_low();
     }
 }
 
@@ -115,8 +133,11 @@ pub struct Solenoids<C> {
     /// Lines that the latch holds.
     latched: u64,
     enabled: bool,
-    /// Output enable did not follow when the outputs were disabled, as it was read last.
-    enable_stuck: bool,
+    /// Ticks in a row in which output enable has not followed.
+    enable_errors: u8,
+    far_end: FarEnd,
+    /// Times that the far end was asked again.
+    retries: u8,
     /// Ticks without a change since the last refresh.
     age_ticks: u8,
     /// The tick has obeyed an order.
@@ -133,7 +154,9 @@ impl<C: Chain> Solenoids<C> {
             chain,
             latched: 0,
             enabled: true,
-            enable_stuck: false,
+            enable_errors: 0,
+            far_end: FarEnd::Absent,
+            retries: 0,
             age_ticks: 0,
             busy: false,
             errors: 0,
@@ -141,7 +164,10 @@ impl<C: Chain> Solenoids<C> {
         };
         solenoids.safe();
         solenoids.chain.shift(0);
-        solenoids.look_at_enable();
+        if solenoids.enable_differs() {
+            solenoids.enable_errors = STUCK;
+        }
+        solenoids.count();
         solenoids
     }
 
@@ -150,10 +176,17 @@ impl<C: Chain> Solenoids<C> {
         &self.chain
     }
 
+    /// The same, to drive what else is on its pins.
+    pub fn chain_mut(&mut self) -> &mut C {
+        &mut self.chain
+    }
+
     /// Drives the lines. Shifts only what changed or is due for a refresh. Call once a tick.
     ///
-    /// Off comes before the new lines, on after them: no line carries current that was not requested.
+    /// Off comes before the new lines, on after them: no line carries current that was not requested, nor what a chain holds whose
+    /// supply was lost meanwhile.
     pub fn apply(&mut self, lines: u64, enabled: bool) {
+        self.look_at_enable();
         if !enabled {
             self.safe();
         }
@@ -169,7 +202,7 @@ impl<C: Chain> Solenoids<C> {
         }
         if enabled && !self.enabled {
             self.chain.set_enabled(true);
-            self.enabled = true;
+            (self.enabled, self.enable_errors) = (true, 0);
         }
     }
 
@@ -185,10 +218,17 @@ impl<C: Chain> Solenoids<C> {
         self.errors_in_a_row >= BROKEN
     }
 
-    /// Output enable reads low, as it was read last, although the outputs were disabled.
+    /// The level at which output enable stays although the other one is driven.
     #[inline(always)]
-    pub fn is_enable_stuck(&self) -> bool {
-        self.enable_stuck
+    pub fn enable_stuck(&self) -> Option<EnableLevel> {
+        let driven_low = self.enabled;
+        (self.enable_errors >= STUCK).then_some(if driven_low { EnableLevel::High } else { EnableLevel::Low })
+    }
+
+    /// What the far end of the chain shows.
+    #[inline(always)]
+    pub fn far_end(&self) -> FarEnd {
+        self.far_end
     }
 
     /// Times that something else came back than was shifted in, and ticks in which the lines had not reached the latch.
@@ -203,8 +243,9 @@ impl<C: Chain> Solenoids<C> {
         if self.age_ticks < REFRESH_TICKS || self.busy && self.age_ticks == REFRESH_TICKS {
             return;
         }
-        if !self.enabled {
-            self.look_at_enable();
+        if matches!(self.far_end, FarEnd::Trying | FarEnd::Silent) && lines == 0 && !self.enabled {
+            self.retries = self.retries.saturating_add(1);
+            self.count();
         }
         if self.chain.verify(lines) == Some(false) {
             self.note_error();
@@ -219,16 +260,30 @@ impl<C: Chain> Solenoids<C> {
         self.errors_in_a_row = self.errors_in_a_row.saturating_add(1);
     }
 
-    /// Call while the outputs are disabled.
+    /// Call before the level changes: it has been the same for a tick.
     fn look_at_enable(&mut self) {
-        self.enable_stuck = self.chain.reads_disabled() == Some(false);
+        self.enable_errors = if self.enable_differs() { self.enable_errors.saturating_add(1) } else { 0 };
+    }
+
+    fn enable_differs(&mut self) -> bool {
+        self.chain.reads_disabled() == Some(self.enabled)
+    }
+
+    /// Call while all lines are low and the outputs are disabled.
+    fn count(&mut self) {
+        self.far_end = match self.chain.count() {
+            None => FarEnd::Absent,
+            Some(0) if self.retries < RETRIES => FarEnd::Trying,
+            Some(0) => FarEnd::Silent,
+            Some(chips) => FarEnd::Chips(chips),
+        };
     }
 
     /// All lines off, in one edge.
     pub fn safe(&mut self) {
         if self.enabled {
             self.chain.set_enabled(false);
-            self.enabled = false;
+            (self.enabled, self.enable_errors) = (false, 0);
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The control tick of a board: looks, decides and drives, once a millisecond; then feeds the watchdog if the tasks report.
 //!
 //! A board calls it from an interrupt of the highest priority in use: no executor, no future, nothing in it can panic
-//! (`cargo xtask image --panics`).
+//! (`cargo xtask image --panics`). The board in a process takes the same steps.
 
 use darm_core::duty::DutyMeters;
 use darm_core::sequencer::Outputs;
@@ -14,49 +14,145 @@ use crate::life::{Pulse, STEADY, Task, Watch};
 use crate::solenoid::Solenoids;
 
 /// What the control tick owns.
-pub struct Ticker<H: Hardware> {
-    control: Control<'static>,
-    solenoids: Solenoids<H::Pins>,
+pub struct Ticker<'t, P> {
+    control: Control<'t>,
+    solenoids: Solenoids<P>,
     watch: Watch,
+    /// The level of the pulse to a camera.
+    sync: bool,
     /// The start has run for [`STEADY`].
     steady: bool,
 }
 
-impl<H: Hardware> Ticker<H> {
+/// What is to be done after a tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Care {
+    /// Feed the watchdog.
+    Feed,
+    /// The same, and the start has run for [`STEADY`], since this tick: crashes in a row end.
+    FeedSteady,
+    /// End this start: this task no longer runs.
+    End(Task),
+}
+
+impl<'t, P: Pins> Ticker<'t, P> {
     /// Takes the pins, outputs disabled. `used` is what memory has kept of how long each output was on.
-    pub fn new(now: Micros, pins: H::Pins, used: &'static mut DutyMeters, shared: &Shared<'static>) -> Self {
+    pub fn new(now: Micros, pins: P, used: &'t mut DutyMeters, shared: &Shared<'t>) -> Self {
         let solenoids = Solenoids::new(pins);
-        Self { control: Control::new(now, shared, used), solenoids, watch: Watch::new(now), steady: false }
+        Self { control: Control::new(now, shared, used), solenoids, watch: Watch::new(now), sync: false, steady: false }
     }
 
-    /// One tick, which was due at `due`; what the outputs are until the next one.
+    /// One tick of a board, which was due at `due`; what the outputs are until the next one.
     #[inline(always)]
-    pub fn tick(
+    pub fn tick<H: Hardware<Pins = P>>(
         &mut self,
         now: Micros,
         due: Micros,
-        shared: &Shared<'static>,
+        shared: &Shared<'t>,
         pulses: &[Pulse; Task::ALL.len()],
     ) -> Outputs {
-        let mut inputs = self.solenoids.chain().inputs();
-        inputs.chain_broken = self.solenoids.is_broken();
-        inputs.enable_stuck = self.solenoids.is_enable_stuck();
-        let outputs = self.control.tick(now, due, inputs, shared);
-        self.solenoids.set_busy(self.control.has_obeyed());
-        self.solenoids.apply(outputs.lines, outputs.enabled);
-        shared.set_chain_errors(self.solenoids.errors());
-        self.look_after(now, pulses);
-        outputs
-    }
-
-    fn look_after(&mut self, now: Micros, pulses: &[Pulse; Task::ALL.len()]) {
-        if let Some(task) = self.watch.silent(now, pulses.each_ref().map(Pulse::count)) {
+        let (outputs, care) = self.step(now, due, shared, pulses);
+        if let Care::End(task) = care {
             crash::end_silence::<H>(task);
         }
         H::feed_watchdog();
-        if !self.steady && now >= STEADY {
-            self.steady = true;
+        if care == Care::FeedSteady {
             crash::forget_crashes(H::kept());
         }
+        outputs
+    }
+
+    /// The same without a board around it, and what is to be done then.
+    #[inline(always)]
+    pub fn step(
+        &mut self,
+        now: Micros,
+        due: Micros,
+        shared: &Shared<'t>,
+        pulses: &[Pulse; Task::ALL.len()],
+    ) -> (Outputs, Care) {
+        let mut inputs = self.solenoids.chain().inputs();
+        inputs.chain_broken = self.solenoids.is_broken();
+        (inputs.enable_stuck, inputs.far_end) = (self.solenoids.enable_stuck(), self.solenoids.far_end());
+        let outputs = self.control.tick(now, due, inputs, shared);
+        self.solenoids.set_busy(self.control.has_obeyed());
+        self.solenoids.apply(outputs.lines, outputs.enabled);
+        // Behind the lines: its rising edge is theirs.
+        if outputs.sync != self.sync {
+            self.sync = outputs.sync;
+            self.solenoids.chain_mut().set_sync(outputs.sync);
+        }
+        shared.set_chain_errors(self.solenoids.errors());
+        (outputs, self.look_after(now, pulses))
+    }
+
+    fn look_after(&mut self, now: Micros, pulses: &[Pulse; Task::ALL.len()]) -> Care {
+        if let Some(task) = self.watch.silent(now, pulses.each_ref().map(Pulse::count)) {
+            return Care::End(task);
+        }
+        if self.steady || now < STEADY {
+            return Care::Feed;
+        }
+        self.steady = true;
+        Care::FeedSteady
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use darm_core::units::Micros;
+
+    use super::{Care, STEADY, Ticker};
+    use crate::control::{Inputs, Shared, TICK};
+    use crate::hardware::Pins;
+    use crate::life::{Pulse, SILENCE_LIMIT, Task};
+    use crate::solenoid::Chain;
+
+    struct NoPins;
+
+    impl Chain for NoPins {
+        fn shift(&mut self, _: u64) {}
+
+        fn set_enabled(&mut self, _: bool) {}
+    }
+
+    impl Pins for NoPins {
+        fn inputs(&self) -> Inputs {
+            Inputs::default()
+        }
+    }
+
+    /// What is to be done after each tick up to a time, where the first task reports and the second one until then.
+    fn cares(until: Micros, bus_reports_until: Micros) -> Vec<Care> {
+        let (shared, pulses) = (Shared::new(), [const { Pulse::new() }; Task::ALL.len()]);
+        let mut used = Box::default();
+        let mut ticker = Ticker::new(Micros(0), NoPins, &mut used, &shared);
+        let mut cares = Vec::new();
+        let mut now = Micros(0);
+        while now < until {
+            now = now + TICK;
+            pulses[0].beat();
+            if now <= bus_reports_until {
+                pulses[1].beat();
+            }
+            cares.push(ticker.step(now, now, &shared, &pulses).1);
+        }
+        cares
+    }
+
+    #[test]
+    fn the_watchdog_is_fed_until_a_task_is_silent() {
+        let cares = cares(Micros(2 * SILENCE_LIMIT.0), Micros(0));
+        let fed = cares.iter().take_while(|care| **care == Care::Feed).count();
+        assert_eq!(fed as u64 * TICK.0, SILENCE_LIMIT.0);
+        assert!(cares[fed..].iter().all(|care| *care == Care::End(Task::ServoBus)));
+    }
+
+    #[test]
+    fn a_start_is_steady_once() {
+        let until = STEADY + Micros(3 * TICK.0);
+        let cares = cares(until, until);
+        let steady: Vec<usize> = (0..cares.len()).filter(|index| cares[*index] == Care::FeedSteady).collect();
+        assert_eq!(steady, [(STEADY.0 / TICK.0) as usize - 1]);
     }
 }

@@ -4,7 +4,7 @@
 //! An output is what feeds one coil: its lines, its limits and, where there is one, the input of its limit switch.
 //!
 //! A profile travels and is stored as a list of [`ProfileRecord`]s in a fixed order: `Start`, `Board` where it says something
-//! of it, the outputs by number, the servos in their order along the arm, `End`. A board without a profile has [`BUILT_IN`].
+//! of it, `Sync` where a camera gets a pulse, the outputs by number, the servos in their order along the arm, `End`. A board without a profile has [`BUILT_IN`].
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::arithmetic_side_effects, clippy::unwrap_used))]
 
 mod error;
@@ -116,6 +116,8 @@ pub struct Profile {
     pub emergency_stop: Option<EmergencyStop>,
     /// The board and the chain that this is made for.
     pub board: BoardWiring,
+    /// A camera gets a pulse at each row.
+    pub sync: bool,
     /// SHA-256 of its records as they are stored; zeros for [`BUILT_IN`].
     pub digest: Digest,
 }
@@ -149,7 +151,7 @@ impl Profile {
     const fn with_outputs(outputs: [Option<Output>; MAX_COILS]) -> Self {
         let supply = SwitchLimit { new_coils: 1, window_ms: 10 };
         let (board, digest) = (BoardWiring::ANY, Digest([0; 32]));
-        Self { outputs, servos: heapless::Vec::new(), supply, emergency_stop: None, board, digest }
+        Self { outputs, servos: heapless::Vec::new(), supply, emergency_stop: None, board, sync: false, digest }
     }
 
     /// The profile that allows just this wiring.
@@ -184,7 +186,8 @@ impl Profile {
             .filter_map(|(number, output)| output.map(|output| ProfileRecord::Output { number, output }));
         let servos = self.servos.iter().map(|servo| ProfileRecord::Servo(*servo));
         let board = Some(self.board).filter(|board| *board != BoardWiring::ANY).map(ProfileRecord::Board);
-        core::iter::once(start).chain(board).chain(outputs).chain(servos).chain([ProfileRecord::End])
+        let sync = self.sync.then_some(ProfileRecord::Sync);
+        core::iter::once(start).chain(board).chain(sync).chain(outputs).chain(servos).chain([ProfileRecord::End])
     }
 
     /// Refuses a profile that the board could not run safely.
@@ -288,6 +291,8 @@ pub enum ProfileRecord {
     End,
     /// Behind `Start`: the board and the chain. Firmware from before this record refuses it.
     Board(BoardWiring),
+    /// Behind `Start` and `Board`: a camera gets a pulse at each row. Firmware from before this record refuses it.
+    Sync,
 }
 
 /// Fills a [`Profile`] from its records. Nothing of an incomplete profile can be taken.
@@ -319,8 +324,14 @@ impl ProfileReader {
                 *profile = Profile { supply: *supply, emergency_stop: *emergency_stop, ..Profile::empty() };
                 Self::Open { next: Some(0) }
             }
-            (Self::Open { next: Some(0) }, ProfileRecord::Board(board)) if profile.board == BoardWiring::ANY => {
+            (Self::Open { next: Some(0) }, ProfileRecord::Board(board))
+                if profile.board == BoardWiring::ANY && !profile.sync =>
+            {
                 profile.board = *board;
+                Self::Open { next: Some(0) }
+            }
+            (Self::Open { next: Some(0) }, ProfileRecord::Sync) if !profile.sync => {
+                profile.sync = true;
                 Self::Open { next: Some(0) }
             }
             (Self::Open { next: Some(next) }, ProfileRecord::Output { number, output }) if *number >= next => {

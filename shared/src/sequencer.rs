@@ -33,7 +33,7 @@ use crate::units::{Micros, Word};
 use coils::Coils;
 pub use command::{Command, CommandError};
 pub use fault::{Fault, FaultKind};
-pub use io::{Outputs, Seen, ServoAction, ServoSeen, ServoTarget};
+pub use io::{EnableLevel, FarEnd, Outputs, Seen, ServoAction, ServoSeen, ServoTarget};
 pub use phase::{Event, Phase};
 use servos::{APPROACH_SPEED, APPROACH_TOLERANCE_RAD, check_servo, is_silent};
 use switches::Switches;
@@ -55,13 +55,16 @@ pub struct Sequencer<'t> {
     phase: Phase,
     coils: Coils<'t>,
     switches: Switches,
-    enabled: bool,
+    /// Outputs were requested since the start, or since the last fault.
+    is_armed: bool,
     servos: [ServoAction; MAX_SERVOS],
     /// Joint angle = shaft angle − offset.
     offsets_rad: [f32; MAX_SERVOS],
     /// When each servo answered last, without the time since then in which no tick ran.
     answered: [Option<Micros>; MAX_SERVOS],
     emergency_stop: bool,
+    /// A row began in this tick.
+    has_begun_row: bool,
     now: Micros,
     events: heapless::Deque<(Micros, Event), 8>,
 }
@@ -77,11 +80,12 @@ impl<'t> Sequencer<'t> {
             phase: Phase::Idle,
             coils: Coils::new(used),
             switches: Switches::default(),
-            enabled: false,
+            is_armed: false,
             servos: [ServoAction::Hold; MAX_SERVOS],
             offsets_rad: [0.0; MAX_SERVOS],
             answered: [None; MAX_SERVOS],
             emergency_stop: false,
+            has_begun_row: false,
             now: Micros(0),
             events: heapless::Deque::new(),
         };
@@ -134,7 +138,7 @@ impl<'t> Sequencer<'t> {
     /// Looks at what the board sees, decides, and says what the outputs are until the next call.
     pub fn step(&mut self, now: Micros, seen: &Seen) -> Outputs {
         self.excuse_servos(now - self.now);
-        self.now = now;
+        (self.now, self.has_begun_row) = (now, false);
         self.take_over(TAKEN_A_TICK);
         self.emergency_stop = self.profile.emergency_stop.is_some_and(|stop| stop.is_pressed(seen.switches));
         let is_safe = matches!(self.phase, Phase::Safe(_));
@@ -143,8 +147,9 @@ impl<'t> Sequencer<'t> {
             // In the safe state the meters count on; what else is wrong changes nothing.
             Ok(()) | Err(_) => {}
         }
-        let lines = if self.enabled { self.coils.lines() } else { 0 };
-        Outputs { lines, enabled: self.enabled, servos: self.servos }
+        let lines = if self.is_armed { self.coils.lines() } else { 0 };
+        let sync = self.has_begun_row && self.profile.sync;
+        Outputs { lines, enabled: lines != 0, sync, servos: self.servos }
     }
 
     /// Does what is asked or says why not. Outputs change with the next [`step`](Self::step).
@@ -178,7 +183,7 @@ impl<'t> Sequencer<'t> {
         self.check_servos_answer()?;
         self.rest();
         self.coils.prepare();
-        self.enabled = true;
+        self.is_armed = true;
         self.phase = Phase::Approaching { since: self.now };
         Ok(())
     }
@@ -233,7 +238,7 @@ impl<'t> Sequencer<'t> {
             Command::Servo { servo, angle_rad } => self.turn_servo(servo, angle_rad)?,
             Command::Play | Command::Stop | Command::Clear => {}
         }
-        self.enabled = true;
+        self.is_armed = true;
         self.phase = Phase::Manual;
         Ok(())
     }
@@ -247,12 +252,7 @@ impl<'t> Sequencer<'t> {
         if self.emergency_stop {
             return Err(FaultKind::EmergencyStop);
         }
-        if seen.chain_broken {
-            return Err(FaultKind::Chain);
-        }
-        if seen.enable_stuck {
-            return Err(FaultKind::OutputEnable);
-        }
+        self.look_at_chain(seen)?;
         let Some(table) = self.table.as_deref() else {
             return Ok(());
         };
@@ -272,6 +272,26 @@ impl<'t> Sequencer<'t> {
             }
         }
         Ok(())
+    }
+
+    /// What is between the board and the drivers.
+    fn look_at_chain(&self, seen: &Seen) -> Result<(), FaultKind> {
+        if seen.chain_broken {
+            return Err(FaultKind::Chain);
+        }
+        match seen.enable_stuck {
+            Some(EnableLevel::Low) => return Err(FaultKind::OutputEnable),
+            Some(EnableLevel::High) => return Err(FaultKind::OutputEnableHigh),
+            None => {}
+        }
+        let Some(expected) = self.profile.board.chips else { return Ok(()) };
+        match seen.far_end {
+            FarEnd::Chips(chips) if chips != expected => Err(FaultKind::FarEnd { expected, counted: chips }),
+            FarEnd::Silent => Err(FaultKind::FarEnd { expected, counted: 0 }),
+            // Nothing is switched before the far end has had its time.
+            FarEnd::Trying if !self.is_idle() => Err(FaultKind::FarEnd { expected, counted: 0 }),
+            FarEnd::Absent | FarEnd::Trying | FarEnd::Chips(_) => Ok(()),
+        }
     }
 
     fn advance(&mut self, seen: &Seen) -> Result<(), FaultKind> {
@@ -330,6 +350,7 @@ impl<'t> Sequencer<'t> {
                 self.coils.switch(self.now, started + at, word)?;
                 self.switches.travel(self.now, word.differing(&before));
                 self.aim(next, 1.0);
+                self.has_begun_row = true;
                 self.note(Event::Row { row: next, word });
                 self.phase = Phase::Playing { started, next: next.saturating_add(1) };
             }
@@ -348,7 +369,7 @@ impl<'t> Sequencer<'t> {
         let fault = Fault { at: self.now, row, kind };
         self.note(Event::Fault(fault));
         self.rest();
-        self.enabled = false;
+        self.is_armed = false;
         self.fall_back();
         self.phase = Phase::Safe(fault);
     }

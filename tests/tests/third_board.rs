@@ -58,6 +58,9 @@ fn a_board_that_only_began_identifies_itself_stores_a_table_and_plays_it() {
     assert_eq!(row_words(&happened), words);
     let status = client.status().unwrap();
     assert_eq!((status.phase, status.model), (Phase::Idle, Some(ModelHash(7))));
+    let health = client.health().unwrap().unwrap();
+    assert!(health.stack.is_some_and(|stack| stack.used > 1024 && stack.used < stack.size), "{health:?}");
+    assert!(health.load_permille.is_some() && health.console.is_none() && health.supply_mv.is_none(), "{health:?}");
     let boots = client.hello().unwrap().boots;
     assert_eq!(client.say_hello().unwrap().boots, boots, "it has not restarted");
 }

@@ -216,6 +216,7 @@ impl World {
             self.on_flash_cut();
         }
         self.observe();
+        self.pins.on_tick_end(self.bench.now_ns());
         if let Some(since_ns) = self.pressed_ns {
             self.pins.on_emergency_stop(self.bench.now_ns(), since_ns);
         }

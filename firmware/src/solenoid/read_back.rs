@@ -22,19 +22,15 @@ where
     E: OutputPin<Error = Infallible> + InputPin<Error = Infallible>,
     Q: InputPin<Error = Infallible>,
 {
-    /// Takes the pins, outputs disabled, and counts the chips: a pattern comes back after eight clocks a chip.
+    /// Takes the pins, outputs disabled, and counts the chips.
     pub fn new(pins: Pins<D, C, L, E>, far_end: Q) -> Self {
-        const PATTERN: u64 = 0b1010_0110;
         let mut chain = Self { pins, far_end, chips: None };
         chain.set_enabled(false);
-        chain.exchange(0);
-        chain.exchange(PATTERN);
-        let came = chain.exchange(0);
-        chain.chips = (1..=8).find(|chips| came == PATTERN.rotate_right(8 * u32::from(*chips)));
+        chain.count();
         chain
     }
 
-    /// Shift registers that were found at the start, 1 to 8. `None` where nobody has wired the far end, or the chain is broken.
+    /// Shift registers that were counted, 1 to 8. `None` where nobody has wired the far end, or the chain is broken.
     pub fn chips(&self) -> Option<u8> {
         self.chips
     }
@@ -62,6 +58,15 @@ where
     #[inline(always)]
     fn shift(&mut self, lines: u64) {
         self.pins.shift(lines);
+    }
+
+    /// A pattern comes back after eight clocks a chip. It never reaches the latch.
+    fn count(&mut self) -> Option<u8> {
+        const PATTERN: u64 = 0b1010_0110;
+        self.pins.shift_without_latch(PATTERN, || {});
+        let came = self.exchange(0);
+        self.chips = (1..=8).find(|chips| came == PATTERN.rotate_right(8 * u32::from(*chips)));
+        Some(self.chips.unwrap_or(0))
     }
 
     /// Of the lines that a chain of `n` chips holds, the lowest `8 n`, all come out; then follow those that are shifted in.

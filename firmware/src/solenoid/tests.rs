@@ -1,8 +1,9 @@
 //! The driver on a chain of 74HC595, with and without its far end wired back.
 
-use super::{Pins, REFRESH_TICKS, ReadBack, Solenoids};
+use super::{Pins, REFRESH_TICKS, RETRIES, ReadBack, Solenoids};
 use core::cell::Cell;
 use core::convert::Infallible;
+use darm_core::sequencer::{EnableLevel, FarEnd};
 use embedded_hal::digital::{ErrorType, InputPin, OutputPin};
 
 /// What a chain of 74HC595 does with the four wires.
@@ -14,8 +15,8 @@ struct Chain {
     edges: Cell<u32>,
     /// Shift registers up to the far end; 0 while nothing is wired to it.
     chips: Cell<u32>,
-    /// Output enable is connected to ground.
-    shorted: Cell<bool>,
+    /// The level that output enable has whatever drives it.
+    shorted: Cell<Option<bool>>,
 }
 
 impl Chain {
@@ -31,7 +32,7 @@ impl Chain {
     }
 
     fn is_disabled(&self) -> bool {
-        self.levels[3].get() && !self.shorted.get()
+        self.shorted.get().unwrap_or(self.levels[3].get())
     }
 
     fn outputs(&self, lines: u32) -> u64 {
@@ -119,27 +120,88 @@ fn nothing_is_enabled_before_all_lines_were_shifted_low() {
     chain.latched.set(u64::MAX);
     let mut solenoids = solenoids(&chain);
     assert_eq!((chain.latched.get(), chain.outputs(64)), (0, 0));
-    assert!(chain.levels[3].get() && !solenoids.is_enable_stuck());
+    assert!(chain.levels[3].get() && solenoids.enable_stuck().is_none());
     solenoids.apply(0, true);
     assert_eq!((chain.levels[3].get(), chain.outputs(64)), (false, 0));
 }
 
+/// The supply of the chain comes back with anything in the registers.
 #[test]
-fn output_enable_that_is_connected_to_ground_is_found_at_the_start_and_while_the_outputs_are_disabled() {
+fn a_chain_that_loses_its_supply_while_no_line_is_high_shows_none_of_what_it_holds_then() {
     let chain = Chain::default();
-    chain.shorted.set(true);
-    assert!(solenoids(&chain).is_enable_stuck());
-    chain.shorted.set(false);
     let mut solenoids = solenoids(&chain);
-    let ticks = |solenoids: &mut OnChain<'_>, enabled| {
-        (0..=REFRESH_TICKS).for_each(|_| solenoids.apply(0, enabled));
-        solenoids.is_enable_stuck()
+    for lines in [0b01, 0, 0b10] {
+        (chain.shifted.set(u64::MAX), chain.latched.set(u64::MAX));
+        solenoids.apply(lines, lines != 0);
+        assert_eq!(chain.outputs(64), lines);
+    }
+    solenoids.apply(0, false);
+    (0..2 * REFRESH_TICKS).for_each(|_| {
+        chain.latched.set(u64::MAX);
+        solenoids.apply(0, false);
+        assert_eq!(chain.outputs(64), 0);
+    });
+}
+
+/// The level that is found while lines are applied for some ticks and something holds output enable at a level.
+fn stuck_after(
+    chain: &Chain,
+    solenoids: &mut OnChain<'_>,
+    level: Option<bool>,
+    lines: u64,
+    ticks: u8,
+) -> Option<EnableLevel> {
+    chain.shorted.set(level);
+    (0..ticks).for_each(|_| solenoids.apply(lines, lines != 0));
+    solenoids.enable_stuck()
+}
+
+#[test]
+fn output_enable_that_does_not_follow_is_found_at_either_level_in_the_second_tick() {
+    let chain = Chain::default();
+    chain.shorted.set(Some(false));
+    assert_eq!(solenoids(&chain).enable_stuck(), Some(EnableLevel::Low), "at the start");
+    chain.shorted.set(None);
+    let mut solenoids = solenoids(&chain);
+    let mut look = |level, lines, ticks| stuck_after(&chain, &mut solenoids, level, lines, ticks);
+    assert_eq!(look(None, 0, 200), None);
+    assert_eq!(look(Some(false), 0, 1), None, "a disturbance");
+    assert_eq!(look(None, 0, 1), None);
+    assert_eq!(look(Some(false), 0, 2), Some(EnableLevel::Low));
+    assert_eq!(look(None, 0, 1), None, "it follows again");
+    assert_eq!(look(None, 1, 1), None, "the first tick with a line drives the other level");
+    assert_eq!(look(Some(true), 1, 2), Some(EnableLevel::High));
+    assert_eq!(look(None, 1, 200), None);
+    assert_eq!(look(Some(false), 1, 200), None, "that is the level that is driven");
+}
+
+#[test]
+fn a_far_end_that_is_silent_at_the_start_is_asked_again_three_times_and_then_as_long_as_no_line_is_high() {
+    let chain = Chain::default();
+    let mut solenoids = Solenoids::new(read_back(&chain, 0));
+    let mut refreshes = |count: u8, chips, lines: u64| {
+        chain.chips.set(chips);
+        (0..count).for_each(|_| (0..REFRESH_TICKS).for_each(|_| solenoids.apply(lines, lines != 0)));
+        assert_eq!(chain.latched.get(), lines, "no pattern reaches the outputs");
+        solenoids.far_end()
     };
-    assert!(!ticks(&mut solenoids, true) && !ticks(&mut solenoids, false));
-    chain.shorted.set(true);
-    assert!(ticks(&mut solenoids, false));
-    chain.shorted.set(false);
-    assert!(!ticks(&mut solenoids, false));
+    assert_eq!(refreshes(RETRIES - 1, 0, 0), FarEnd::Trying);
+    assert_eq!(refreshes(1, 0, 0), FarEnd::Silent);
+    assert_eq!(refreshes(2, 3, 1), FarEnd::Silent, "no count while a line is high");
+    assert_eq!(refreshes(1, 3, 0), FarEnd::Chips(3));
+    assert_eq!(refreshes(2, 0, 0), FarEnd::Chips(3), "one that breaks later is an error of the chain");
+}
+
+#[test]
+fn a_far_end_that_answers_late_is_compared_from_then_on() {
+    let chain = Chain::default();
+    let mut solenoids = Solenoids::new(read_back(&chain, 0));
+    chain.chips.set(2);
+    (0..REFRESH_TICKS).for_each(|_| solenoids.apply(0, false));
+    assert_eq!(solenoids.far_end(), FarEnd::Chips(2));
+    chain.chips.set(1);
+    (0..=2 * REFRESH_TICKS).for_each(|_| solenoids.apply(0x5a, true));
+    assert!(solenoids.is_broken());
 }
 
 /// A chain that something else than the processor drives.

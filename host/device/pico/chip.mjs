@@ -47,8 +47,11 @@ export function createChip(module, image, flash, report, shorted) {
   }
   chip.peripherals[XIP_CONTROL] = new Xip(chip, 'XIP_CTRL');
   const watchdog = chip.peripherals[0x40058];
+  const written = keepWrites(chip);
+  // VSYS over 3 is 1.667 V; the sensor of the chip gives 0.706 V, at 27 °C.
+  chip.adc.channelValues = [0, 0, 0, 2069, 876];
   const stack = new DataView(chip.flash.buffer).getUint32(VECTORS, true) - RAM;
-  const state = { chip, clock, stack, shorted, ended: null, ticks: noTicks(), tick: noTick() };
+  const state = { chip, clock, written, stack, shorted, ended: null, ticks: noTicks(), tick: noTick() };
   state.cache = createCache(chip);
   // A pin can be read while it drives: its input follows, unless it is connected to ground.
   state.readBack = (pin) => {
@@ -95,6 +98,33 @@ export function createChip(module, image, flash, report, shorted) {
   });
   runPio(chip.pio[0], clock, state);
   return state;
+}
+
+// What the image writes to registers that the emulator does not have, by their address.
+function keepWrites(chip) {
+  const written = new Map();
+  const keep = (peripheral, base, offsets) => {
+    const write = peripheral.writeUint32.bind(peripheral);
+    peripheral.writeUint32 = (offset, value) => {
+      if (offsets.includes(offset)) written.set(base + offset, value >>> 0);
+      else write(offset, value);
+    };
+  };
+  // MPU_CTRL, MPU_RBAR, MPU_RASR; DBGPAUSE of the timer.
+  keep(chip.ppb, 0xe000e000, [0xd94, 0xd9c, 0xda0]);
+  keep(chip.peripherals[0x40054], 0x40054000, [0x2c]);
+  return written;
+}
+
+// What a register holds.
+export const peek = ({ chip, written }, address) => written.get(address) ?? chip.readUint32(address) >>> 0;
+
+// A hard fault of the code that runs now, with this stack pointer: the emulator raises none by itself.
+export function hardFault({ chip }, stackPointer) {
+  const { core } = chip;
+  core.SP = stackPointer;
+  core.waiting = false;
+  core.exceptionEntry(3);
 }
 
 // Steps the first state machine with the chip's clock; the emulator steps all of them with the host's.

@@ -12,6 +12,8 @@
 // | `reset`             | the reset button                                                               |
 // | `bite`              | the watchdog, which found no feed                                              |
 // | `panic`             | the code that runs now panics                                                  |
+// | `fault ADDRESS`     | the code that runs now causes a hard fault, with the stack pointer there       |
+// | `peek ADDRESS`      | prints `word VALUE`: what a register holds                                     |
 // | `flashed`           | a start behind the boot ROM, which has written the image and ends by the watchdog |
 // | `short PIN LEVEL`   | 1: an output pin is connected to ground; 0: no more                            |
 // | `freeze`            | the state machine of the output chain stops until the next start               |
@@ -23,7 +25,7 @@
 // and `measure` a line `done TIME`. Times are nanoseconds since its start, over resets and power cuts.
 
 import fs from 'node:fs';
-import { createChip, noTicks, run, segments, stackUsed, start } from './chip.mjs';
+import { createChip, hardFault, noTicks, peek, run, segments, stackUsed, start } from './chip.mjs';
 import { createFlash } from './flash.mjs';
 import { panic, symbol } from './panic.mjs';
 
@@ -86,6 +88,11 @@ const commands = {
     state.chip.gpio[Number(pin)].setInputValue(level === '1');
   },
   panic: () => panic(state.chip, panicAt),
+  fault: ([address]) => hardFault(state, Number(address)),
+  peek: ([address]) => {
+    said.push(`word ${peek(state, Number(address))}`);
+    done();
+  },
   flashed: () => {
     state = restart(Object.assign(state, { ended: { why: 'reset' } }), false);
     state.chip.peripherals[0x40058].reason = 1;

@@ -167,9 +167,12 @@ pub fn of_fault(fault: &FaultKind) -> Place {
         | FaultKind::ServoError { servo, .. }
         | FaultKind::ServoTorque { servo, .. }
         | FaultKind::ServoRange { servo, .. } => Place { servo: Some(servo), ..Place::default() },
-        FaultKind::TooManyCoils | FaultKind::EmergencyStop | FaultKind::Chain | FaultKind::OutputEnable => {
-            Place::default()
-        }
+        FaultKind::TooManyCoils
+        | FaultKind::EmergencyStop
+        | FaultKind::Chain
+        | FaultKind::OutputEnable
+        | FaultKind::OutputEnableHigh
+        | FaultKind::FarEnd { .. } => Place::default(),
     }
 }
 

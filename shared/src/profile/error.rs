@@ -63,6 +63,8 @@ pub enum Shortage {
     },
     /// The pins: it is made for another board, or for one with other pins.
     Pins,
+    /// A pin for the pulse to a camera.
+    Sync,
 }
 
 impl fmt::Display for Shortage {
@@ -78,6 +80,9 @@ impl fmt::Display for Shortage {
                     "the profile has a chain of {chips} chips, and the board one of {found}; count them, look for a broken wire, or correct `chips`"
                 )
             }
+            Self::Sync => f.write_str(
+                "the profile has a pulse to a camera, and the board no pin for it; take `sync` out of [pins]",
+            ),
             Self::Pins => f.write_str("the profile is made for a board with other pins; correct `board`"),
         }
     }

@@ -17,6 +17,8 @@ pub struct PinTable {
     pub enable: &'static str,
     /// Serial output of the last chip of the chain; empty where the board does not read it.
     pub far_end: &'static str,
+    /// Pulse to a camera at each row; empty where the board has no pin for it.
+    pub sync: &'static str,
     /// The servo bus: the pin that sends.
     pub servo_bus: &'static str,
     /// The button, or the jumper in its place.
@@ -33,6 +35,7 @@ pub const B_L475E_IOT01A: PinTable = PinTable {
     latch: "PA4",
     enable: "PA15",
     far_end: "PA6",
+    sync: "PA0",
     servo_bus: "PA2",
     button: "PC13",
     inputs: &["PC0", "PC1", "PC2", "PC3", "PC4", "PC5", "PB0", "PB1", "PB2", "PB4", "PB8", "PB9", "PD14"],
@@ -46,6 +49,7 @@ pub const PICO: PinTable = PinTable {
     latch: "GP4",
     enable: "GP5",
     far_end: "",
+    sync: "GP19",
     servo_bus: "GP0",
     button: "GP22",
     inputs: &["GP6", "GP7", "GP8", "GP9", "GP10", "GP11", "GP12", "GP13", "GP14", "GP15", "GP16", "GP17", "GP18"],
@@ -53,6 +57,9 @@ pub const PICO: PinTable = PinTable {
 
 /// All boards whose pins are proven.
 pub static PIN_TABLES: [&PinTable; 2] = [&B_L475E_IOT01A, &PICO];
+
+/// The function of the pulse to a camera.
+const SYNC: &str = "sync";
 
 impl PinTable {
     /// The table of the board of this name.
@@ -75,13 +82,16 @@ impl PinTable {
             ("far_end", self.far_end),
             ("servo_bus", self.servo_bus),
             ("button", self.button),
+            (SYNC, self.sync),
         ];
         all.into_iter().filter(|(_, pin)| !pin.is_empty())
     }
 
-    /// One number of the board's name and all its pins in order: their FNV-1a hash of 32 bits, a zero behind each.
+    /// One number of the board's name and all its pins in order: their FNV-1a hash of 32 bits, a zero behind each. The pin that a
+    /// profile has to ask for is left out: no wiring from before it relies on it.
     pub fn layout(&self) -> u32 {
-        let pins = self.functions().map(|(_, pin)| pin).chain(self.inputs.iter().copied());
+        let fixed = self.functions().filter(|(function, _)| *function != SYNC);
+        let pins = fixed.map(|(_, pin)| pin).chain(self.inputs.iter().copied());
         let bytes = core::iter::once(self.board).chain(pins).flat_map(|name| name.bytes().chain([0]));
         bytes.fold(0x811c_9dc5, |hash, byte| (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193))
     }
@@ -110,7 +120,9 @@ mod tests {
 
     #[test]
     fn another_pin_is_another_layout() {
-        assert_ne!(PinTable { latch: "GP19", ..PICO }.layout(), PICO.layout());
+        assert_ne!(PinTable { latch: "GP20", ..PICO }.layout(), PICO.layout());
+        assert_eq!(PinTable { sync: "GP20", ..PICO }.layout(), PICO.layout(), "a profile asks for it by itself");
+        assert_eq!(PICO.layout(), 0xfd3a_1722, "boards have stored it");
         assert_ne!(PinTable { inputs: &PICO.inputs[1..], ..PICO }.layout(), PICO.layout());
     }
 }

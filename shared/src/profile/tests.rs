@@ -15,6 +15,7 @@ fn profile() -> Profile {
     profile.servos.push(Servo { limit, fallback: Fallback::Release }).expect("one fits");
     profile.emergency_stop = Some(EmergencyStop { input: 12, opens: true });
     profile.board = BoardWiring { chips: Some(2), layout: Some(PICO.layout()) };
+    profile.sync = true;
     profile
 }
 
@@ -28,7 +29,7 @@ fn read(records: &[ProfileRecord]) -> Result<Profile, ProfileError> {
 fn a_profile_and_its_records_are_inverse() {
     let records: Vec<_> = profile().records().collect();
     assert_eq!(read(&records), Ok(profile()));
-    assert_eq!(records.len(), 6);
+    assert_eq!(records.len(), 7);
     let mut bytes = [0; 64];
     assert!(records.iter().all(|record| postcard::to_slice(record, &mut bytes).is_ok()));
 }
@@ -45,7 +46,7 @@ fn records_out_of_order_and_incomplete_profiles_are_refused() {
         ];
         assert_eq!(read(&some).is_ok(), !required.contains(&records[missing]), "without record {missing}");
     }
-    for first in [1, 2] {
+    for first in [1, 2, 3] {
         let mut swapped = records.clone();
         swapped.swap(first, first + 1);
         assert_eq!(read(&swapped), Err(ProfileError::Order));
@@ -98,8 +99,9 @@ fn the_record_of_the_board_has_golden_bytes_and_a_profile_without_it_has_the_for
     let record = ProfileRecord::Board(BoardWiring { chips: Some(2), layout: Some(300) });
     assert_eq!(postcard::to_slice(&record, &mut bytes).unwrap(), [4, 1, 2, 1, 0xac, 2]);
     assert_eq!(postcard::from_bytes::<ProfileRecord>(&[4, 1, 2, 1, 0xac, 2]), Ok(record));
-    let former = Profile { board: BoardWiring::ANY, ..profile() };
-    assert!(former.records().all(|record| !matches!(record, ProfileRecord::Board(_))));
+    assert_eq!(postcard::to_slice(&ProfileRecord::Sync, &mut bytes).unwrap(), [5]);
+    let former = Profile { board: BoardWiring::ANY, sync: false, ..profile() };
+    assert!(former.records().all(|record| !matches!(record, ProfileRecord::Board(_) | ProfileRecord::Sync)));
 }
 
 #[test]

@@ -78,6 +78,15 @@ pub enum FaultKind {
     Chain,
     /// Output enable is low although the board has disabled the outputs.
     OutputEnable,
+    /// Output enable is high although the board has enabled the outputs.
+    OutputEnableHigh,
+    /// The far end of the output chain shows another number of chips than the profile has.
+    FarEnd {
+        /// Chips of the profile.
+        expected: u8,
+        /// Chips that were counted, 0 where the far end does not answer.
+        counted: u8,
+    },
 }
 
 impl fmt::Display for Fault {
@@ -118,6 +127,19 @@ impl fmt::Display for FaultKind {
             Self::Chain => f.write_str("the output chain does not return what was shifted into it; check its wiring"),
             Self::OutputEnable => f.write_str(
                 "output enable is low although the board has disabled the outputs; switch the coils' supply off, check the wire",
+            ),
+            Self::OutputEnableHigh => f.write_str(
+                "output enable is high although the board has enabled the outputs; check its wire for another driver or a short",
+            ),
+            Self::FarEnd { expected, counted: 0 } => write!(
+                f,
+                "the far end of the output chain does not answer, and the profile has a chain of {expected} chips; check the \
+                 chain's supply and the wire from Q7S of its last chip, or take `chips` out of the profile's [chain]"
+            ),
+            Self::FarEnd { expected, counted } => write!(
+                f,
+                "the output chain has {counted} chips, and the profile has {expected}; correct `chips` in the profile's \
+                 [chain], or the chain"
             ),
         }
     }

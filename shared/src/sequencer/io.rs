@@ -14,8 +14,33 @@ pub struct Seen {
     pub servos: [ServoSeen; MAX_SERVOS],
     /// The output chain does not return what was shifted into it, or does not bring it to the latch.
     pub chain_broken: bool,
-    /// Output enable is low although the board has disabled the outputs.
-    pub enable_stuck: bool,
+    /// The level at which output enable stays although the board drives the other one.
+    pub enable_stuck: Option<EnableLevel>,
+    /// What the far end of the chain shows.
+    pub far_end: FarEnd,
+}
+
+/// A level of output enable, which is active low.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EnableLevel {
+    /// Outputs are enabled.
+    Low,
+    /// Outputs are disabled.
+    High,
+}
+
+/// What the far end of the output chain shows, the serial output of its last chip.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FarEnd {
+    /// The board has no input for it.
+    #[default]
+    Absent,
+    /// It has not answered, and is asked again.
+    Trying,
+    /// It has not answered, as often as it was asked.
+    Silent,
+    /// The chain has this many chips.
+    Chips(u8),
 }
 
 /// The last answer of one servo.
@@ -36,8 +61,10 @@ pub struct ServoSeen {
 pub struct Outputs {
     /// Lines of the output chain: bit `i` is line `i`.
     pub lines: u64,
-    /// Output enable of the chain; without it no line carries current.
+    /// Output enable of the chain; without it no line carries current. Only while a line is high.
     pub enabled: bool,
+    /// A row begins in this tick, and the profile has a pulse to a camera.
+    pub sync: bool,
     /// What each servo of the profile does.
     pub servos: [ServoAction; MAX_SERVOS],
 }

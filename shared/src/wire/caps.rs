@@ -52,9 +52,13 @@ impl Caps {
     /// other pins. A board that has as many lines as the firmware supports may not have counted them: it accepts less.
     pub fn check(&self, profile: &Profile) -> Result<(), ProfileError> {
         let missing = |shortage| Err(ProfileError::Board(shortage));
-        let own = PinTable::of_board(&self.board).map(PinTable::layout);
+        let table = PinTable::of_board(&self.board);
+        let own = table.map(PinTable::layout);
         if profile.board.layout.is_some_and(|layout| Some(layout) != own) {
             return missing(Shortage::Pins);
+        }
+        if profile.sync && table.is_none_or(|table| table.sync.is_empty()) {
+            return missing(Shortage::Sync);
         }
         let is_counted = usize::from(self.lines) < MAX_LINES;
         if let Some(chips) =
@@ -134,6 +138,9 @@ mod tests {
             let found = pico.check(&with(Some(chips), None));
             assert_eq!(found, Err(ProfileError::Board(Shortage::Chips { chips, lines: 16 })));
         }
+        let with_sync = Profile { sync: true, ..with(None, None) };
+        assert_eq!(pico.check(&with_sync), Ok(()));
+        assert_eq!(caps().check(&with_sync), Err(ProfileError::Board(Shortage::Sync)));
         let uncounted = Caps { lines: 64, ..pico.clone() };
         assert_eq!(uncounted.check(&with(Some(3), None)), Ok(()));
         for (caps, layout) in [(&pico, B_L475E_IOT01A.layout()), (&caps(), PICO.layout())] {

@@ -1,7 +1,7 @@
 //! What a board reports of itself: clock, cause of the last reset, errors of its lines, of its flash and of the output chain,
-//! load and stack.
+//! load, stack, supply and temperature.
 //!
-//! What a board cannot know is `None`, or 0 where it counts. All counts are since the start.
+//! What a board does not measure is `None`. All counts are since the start.
 
 use core::fmt;
 
@@ -15,15 +15,13 @@ pub struct Health {
     /// What caused its last reset.
     pub reset: Option<ResetCause>,
     /// Errors of the console's line.
-    pub console: LineErrors,
+    pub console: Option<LineErrors>,
     /// Errors of the servo bus's line.
-    pub servo_bus: LineErrors,
+    pub servo_bus: Option<LineErrors>,
     /// Visits of servos that got no answer.
     pub servos_unanswered: u32,
-    /// Words of the flash of which one bit was wrong and corrected: its cells wear out.
-    pub flash_corrected: u32,
-    /// Words of the flash that could not be corrected, in the data, where checksums find them.
-    pub flash_uncorrected: u32,
+    /// Words of the flash whose error check failed.
+    pub flash: Option<FlashErrors>,
     /// The output chain, where its far end is wired back.
     pub chain: Option<ChainHealth>,
     /// Settings of the chip that outlive a new firmware.
@@ -32,6 +30,19 @@ pub struct Health {
     pub load_permille: Option<u16>,
     /// The stack.
     pub stack: Option<StackUse>,
+    /// Supply of the chip, mV; of the board where its chip measures that.
+    pub supply_mv: Option<u16>,
+    /// Temperature of the chip, °C.
+    pub chip_celsius: Option<i16>,
+}
+
+/// Words of the flash whose error check failed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FlashErrors {
+    /// One bit was wrong and corrected: its cells wear out.
+    pub corrected: u32,
+    /// More bits were wrong, in the data, where checksums find them.
+    pub damaged: u32,
 }
 
 /// How much of the stack was ever in use since the start.
@@ -137,7 +148,7 @@ impl fmt::Display for ResetCause {
 
 #[cfg(test)]
 mod tests {
-    use super::{ChainHealth, ChipOptions, ClockSource, Health, LineErrors, ResetCause, StackUse};
+    use super::{ChainHealth, ChipOptions, ClockSource, FlashErrors, Health, LineErrors, ResetCause, StackUse};
     use crate::units::Micros;
     use crate::wire::message::{Answer, Reply, Request};
 
@@ -145,15 +156,16 @@ mod tests {
         Health {
             clock: Some(ClockSource::CrystalLost),
             reset: Some(ResetCause::Watchdog),
-            console: LineErrors { overruns: 1, framing: 2, noise: 3, dropped: 4 },
-            servo_bus: LineErrors { overruns: 5, framing: 6, noise: 7, dropped: 300 },
+            console: Some(LineErrors { overruns: 1, framing: 2, noise: 3, dropped: 4 }),
+            servo_bus: Some(LineErrors { overruns: 5, framing: 6, noise: 7, dropped: 300 }),
             servos_unanswered: 9,
-            flash_corrected: 10,
-            flash_uncorrected: 11,
+            flash: Some(FlashErrors { corrected: 10, damaged: 11 }),
             chain: Some(ChainHealth { chips: 2, errors: 12 }),
             options: Some(ChipOptions { brown_out_mv: 2800, debugger_allowed: true, keeps_on_times: false }),
             load_permille: Some(300),
             stack: Some(StackUse { used: 9, size: 13 }),
+            supply_mv: Some(3300),
+            chip_celsius: Some(-2),
         }
     }
 
@@ -163,15 +175,15 @@ mod tests {
         assert_eq!(postcard::to_slice(&Request::Health, &mut bytes).unwrap(), [11]);
         let reply = Reply { at: Micros(5), result: Ok(Answer::Health(health())) };
         let encoded = postcard::to_slice(&reply, &mut bytes).unwrap();
-        let known = [5, 0, 9, 1, 2, 1, 1, 1, 2, 3, 4, 5, 6, 7, 0xac, 2, 9, 10, 11, 1, 2, 12, 1, 0xf0, 0x15, 1, 0];
-        assert_eq!(encoded, [&known[..], &[1, 0xac, 2, 1, 9, 13]].concat());
+        let known = [5, 0, 9, 1, 2, 1, 1, 1, 1, 2, 3, 4, 1, 5, 6, 7, 0xac, 2, 9, 1, 10, 11, 1, 2, 12, 1, 0xf0, 0x15];
+        assert_eq!(encoded, [&known[..], &[1, 0, 1, 0xac, 2, 1, 9, 13, 1, 0xe4, 0x19, 1, 3]].concat());
         assert_eq!(postcard::from_bytes::<Reply>(encoded), Ok(reply));
     }
 
     #[test]
     fn a_board_that_knows_nothing_sends_zeros() {
         let mut bytes = [0xa5; 64];
-        assert_eq!(postcard::to_slice(&Health::default(), &mut bytes).unwrap(), [0; 17]);
+        assert_eq!(postcard::to_slice(&Health::default(), &mut bytes).unwrap(), [0; 12]);
     }
 
     #[test]

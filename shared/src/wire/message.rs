@@ -31,6 +31,7 @@ use crate::profile::ProfileError;
 use crate::sequencer::{Command, CommandError, Event, Phase, ServoSeen};
 use crate::table::TableError;
 use crate::units::{DeviceId, Digest, Micros, ModelHash, Word};
+use crate::wire::PROTOCOL;
 use crate::wire::bootstrap::CrashRecord;
 use crate::wire::caps::Caps;
 use crate::wire::health::Health;
@@ -340,7 +341,13 @@ impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NotConnected => f.write_str("another host is connected or the board was restarted; connect again"),
-            Self::Protocol { board } => write!(f, "the board speaks protocol version {board}; update host or firmware"),
+            Self::Protocol { board: 0 } => f.write_str(
+                "the board is held after crashes and answers little: type `fault` on its console, then `reboot`",
+            ),
+            Self::Protocol { board } => {
+                let update = if *board < PROTOCOL { "the firmware, with `darm flash`" } else { "this tool, `darm`" };
+                write!(f, "the board speaks protocol version {board}, this tool {PROTOCOL}; update {update}")
+            }
             Self::Unknown => f.write_str("the request is not known to this firmware"),
             Self::Busy => f.write_str("a program runs, a coil is on or a servo moves; stop it first"),
             Self::NoUpload => f.write_str("no upload of this table has begun; start it again"),

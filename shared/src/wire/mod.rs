@@ -39,4 +39,7 @@ pub mod inputs;
 pub mod message;
 
 /// Version of the messages under tag 10. A host of another version can still use the bootstrap set.
-pub const PROTOCOL: u16 = 3;
+///
+/// Whatever changes the bytes of a message raises it, a new variant of a fault too: a host that does not know one cannot read the
+/// status of the board.
+pub const PROTOCOL: u16 = 4;

@@ -6,6 +6,7 @@ use darm_core::profile::{BoardWiring, EmergencyStop, PICO, Profile};
 use darm_core::sequencer::{Command, CommandError, Event, FaultKind, Phase};
 use darm_core::units::ModelHash;
 use darm_core::wire::bootstrap::CrashKind;
+use darm_core::wire::health::LineErrors;
 use darm_core::wire::message::{Calibration, Refusal};
 use darm_device::client::Client;
 use darm_device::pico::{Ended, PicoBench};
@@ -104,6 +105,52 @@ fn a_panic_disables_the_outputs_and_is_reported_by_the_next_start() {
     bench.board.power_cycle();
     bench.board.pass(1.0);
     assert_eq!(bench.connect().last_crash().unwrap(), None, "noise is no record");
+}
+
+/// Below the memory of the stack, amid it, at its end with less room than a frame, and anywhere.
+#[test]
+fn a_hard_fault_disables_the_outputs_wherever_the_stack_pointer_is() {
+    let Some(bench) = Bench::start(false) else { return };
+    for pointer in [0x1fff_ff00, 0x2000_1000, 0x2000_5ff8, 0x2004_2000, 0xffff_fff0] {
+        let mut client = bench.connect();
+        play(&bench, &mut client);
+        bench.with(|board| board.hard_fault(pointer));
+        bench.board.pass(0.001);
+        assert_eq!(bench.lines(), 0, "{pointer:#x}");
+        bench.board.pass(1.0);
+        let crash = bench.connect().last_crash().unwrap().expect("a record");
+        assert_eq!(crash.kind, CrashKind::HardFault, "{crash:?}");
+        assert_eq!(crash.text.contains("stack overflow"), pointer < 0x2000_0000, "{crash:?}");
+        // Crashes in a row would hold the board.
+        bench.board.power_cycle();
+        bench.board.pass(1.0);
+    }
+}
+
+/// RP2040 data sheet, 2.19.6.3, 4.6.5 and 4.7.6; ARMv6-M, B3.5.
+#[test]
+fn the_board_needs_no_default_of_the_chip_for_its_safety() {
+    let Some(bench) = Bench::start(false) else { return };
+    let register = |address| bench.with(move |board| board.register(address)).expect("the emulator runs");
+    let pad = register(0x4001_c018);
+    assert_eq!((pad >> 4 & 3, pad >> 1 & 1), (3, 1), "GP5: 12 mA, Schmitt trigger");
+    let control = register(0x4005_8000);
+    assert_eq!((control >> 30 & 1, control >> 24 & 7), (1, 0), "the watchdog counts under a debugger");
+    assert_eq!(register(0x4005_402c), 0, "the timer too");
+    let [control, base, size] = [0xe000_ed94, 0xe000_ed9c, 0xe000_eda0].map(register);
+    assert_eq!((control, base & !0x1f), (5, 0x1f00_0000), "the region below the stack");
+    assert_eq!((size & 1, size >> 1 & 0x1f, size >> 24 & 7), (1, 23, 0), "16 MiB without any access");
+}
+
+/// The emulator's converter has 1.667 V of the supply and 0.706 V of the sensor.
+#[test]
+fn what_the_board_does_not_measure_is_not_zero() {
+    let Some(bench) = Bench::start(false) else { return };
+    let health = bench.connect().health().unwrap().unwrap();
+    assert!(health.supply_mv.is_some_and(|supply| supply.abs_diff(5_000) < 10), "{health:?}");
+    assert!(health.chip_celsius.is_some_and(|celsius| (celsius - 27).abs() <= 1), "{health:?}");
+    assert_eq!((health.console, health.flash), (None, None));
+    assert_eq!(health.servo_bus, Some(LineErrors::default()));
 }
 
 /// The boot ROM writes the image and ends by its watchdog; memory then holds what the loader left there.

@@ -74,6 +74,11 @@ impl Chain {
         false
     }
 
+    /// Whether output enable is low.
+    pub fn is_driven(&self) -> bool {
+        self.driven
+    }
+
     /// The lines now.
     pub fn lines(&self) -> Lines {
         let Bits { level, known } = self.outputs;

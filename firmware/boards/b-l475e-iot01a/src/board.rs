@@ -4,22 +4,23 @@ use core::sync::atomic::{AtomicU8, Ordering};
 use cortex_m::peripheral::SCB;
 use darm_core::units::DeviceId;
 use darm_core::wire::bootstrap::RebootTarget;
-use darm_core::wire::health::{ChainHealth, ClockSource, Health, LineErrors, ResetCause};
+use darm_core::wire::health::{ChainHealth, ClockSource, FlashErrors, Health, LineErrors, ResetCause};
 use darm_firmware::control::Inputs;
 use darm_firmware::crash::Kept;
 use darm_firmware::hardware::{Hardware, Pins};
 use darm_firmware::load::Load;
 use darm_firmware::solenoid::{self, Chain, ReadBack};
 use darm_firmware::stack::StackMemory;
+use embedded_hal::digital::OutputPin as _;
 use stm32_metapac::{Interrupt, UID};
 
 use crate::emulated::emulated;
 use crate::flash::Flash;
-use crate::gpio::{ChainClock, ChainData, ChainEnable, ChainEnd, ChainLatch, Switches, user_button_pressed};
+use crate::gpio::{ChainClock, ChainData, ChainEnable, ChainEnd, ChainLatch, Switches, Sync, user_button_pressed};
 use crate::pins::{CHAIN_ENABLE, SWITCHES};
 use crate::time::BoardClock;
 use crate::watchdog::Cause;
-use crate::{bank2, clocks, options, restart, uart, usart, watchdog};
+use crate::{adc, bank2, clocks, options, restart, uart, usart, watchdog};
 
 /// Interrupt that the control tick borrows; its peripheral (touch sensing) is not used.
 pub const CONTROL: Interrupt = Interrupt::TSC;
@@ -61,18 +62,20 @@ impl Hardware for Board {
     }
 
     fn health() -> Health {
-        let (flash_uncorrected, _) = bank2::double_errors();
+        let (damaged, _) = bank2::double_errors();
+        let adc::Measured { supply_mv, celsius } = measured();
         Health {
             clock: (!emulated()).then(clock_source),
             reset: reset_cause(),
-            console: line_errors(uart::CONSOLE.errors()),
-            servo_bus: line_errors(uart::SERVOS.errors()),
-            flash_corrected: bank2::corrected_errors(),
-            flash_uncorrected,
+            console: Some(line_errors(uart::CONSOLE.errors())),
+            servo_bus: Some(line_errors(uart::SERVOS.errors())),
+            flash: Some(FlashErrors { corrected: bank2::corrected_errors(), damaged }),
             chain: chips().map(|chips| ChainHealth { chips, errors: 0 }),
             options: (!emulated()).then(options::read),
             load_permille: LOAD.permille(),
             stack: Some(stack().usage()),
+            supply_mv,
+            chip_celsius: celsius,
             ..Health::default()
         }
     }
@@ -145,7 +148,7 @@ pub fn sleep() {
     cortex_m::asm::isb();
 }
 
-/// Chips that the chain had at the start, 0 where its far end does not show it.
+/// Chips of the chain, 0 where its far end does not show it.
 static CHIPS: AtomicU8 = AtomicU8::new(0);
 /// What caused the reset, from [`note_cause`]; 0 before.
 static CAUSE: AtomicU8 = AtomicU8::new(0);
@@ -166,6 +169,11 @@ fn reset_cause() -> Option<ResetCause> {
     CAUSES.get(usize::from(CAUSE.load(Ordering::Relaxed)).wrapping_sub(1)).copied()
 }
 
+/// QEMU has no converter.
+fn measured() -> adc::Measured {
+    if emulated() { adc::Measured::default() } else { adc::measure(&adc::factory()) }
+}
+
 fn clock_source() -> ClockSource {
     match clocks::source() {
         clocks::Source::Crystal => ClockSource::Crystal,
@@ -180,11 +188,17 @@ fn line_errors(errors: usart::LineErrors) -> LineErrors {
     LineErrors { overruns, framing, noise, dropped: dropped.saturating_add(dma) }
 }
 
+fn note_chips(chain: &BoardChain) {
+    CHIPS.store(chain.chips().unwrap_or(0), Ordering::Relaxed);
+}
+
 type BoardChain = ReadBack<ChainData, ChainClock, ChainLatch, ChainEnable, ChainEnd>;
 
 /// The pins of the control tick.
 pub struct BoardPins {
     chain: BoardChain,
+    /// An output from the first pulse on.
+    sync: Option<Sync>,
     switches: Switches,
 }
 
@@ -198,8 +212,8 @@ impl BoardPins {
             enable: ChainEnable::new(true),
         };
         let chain = ReadBack::new(pins, ChainEnd::new());
-        CHIPS.store(chain.chips().unwrap_or(0), Ordering::Relaxed);
-        Self { chain, switches: Switches::new() }
+        note_chips(&chain);
+        Self { chain, sync: None, switches: Switches::new() }
     }
 }
 
@@ -219,6 +233,12 @@ impl Chain for BoardPins {
         self.chain.verify(lines)
     }
 
+    fn count(&mut self) -> Option<u8> {
+        let chips = self.chain.count();
+        note_chips(&self.chain);
+        chips
+    }
+
     #[inline(always)]
     fn set_enabled(&mut self, enabled: bool) {
         self.chain.set_enabled(enabled);
@@ -233,6 +253,11 @@ impl Pins for BoardPins {
     #[inline(always)]
     fn inputs(&self) -> Inputs {
         Inputs { switches: self.switches.read(), button: user_button_pressed(), ..Inputs::default() }
+    }
+
+    fn set_sync(&mut self, high: bool) {
+        let sync = self.sync.get_or_insert_with(|| Sync::new(high));
+        let Ok(()) = if high { sync.set_high() } else { sync.set_low() };
     }
 }
 

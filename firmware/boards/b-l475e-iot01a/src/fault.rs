@@ -1,6 +1,7 @@
 //! Handlers of what ends a start: panic, hard fault, unknown interrupt, error check of the flash.
 //!
-//! The hard fault handler leaves the stack of what failed, which may be exhausted, and starts at the top of the stack's
+//! The hard fault handler disables the outputs first of all, without a stack. Then it leaves the stack of what failed, which may be
+//! exhausted, and starts at the top of the stack's
 //! memory: it never returns, so nothing there is needed any more. What it takes from the old stack, it reads before.
 use core::arch::naked_asm;
 use core::panic::PanicInfo;
@@ -24,12 +25,17 @@ unsafe extern "C" {
     static _stack_end: u32;
 }
 
-/// Takes pc and lr from the frame that the processor has pushed, if the stack had room for it, and continues at the
+/// Raises output enable. Takes pc and lr from the frame that the processor has pushed, if the stack had room for it, and continues at the
 /// top of the stack's memory. All code uses the main stack.
 #[unsafe(naked)]
 #[unsafe(no_mangle)]
 unsafe extern "C" fn HardFault() -> ! {
     naked_asm!(
+        // GPIOA_BSRR, bit of PA15: output enable.
+        "movw r3, #0x0018",
+        "movt r3, #0x4800",
+        "movw r0, #0x8000",
+        "str r0, [r3]",
         "mrs r2, msp",
         "movs r0, #0",
         "movs r1, #0",

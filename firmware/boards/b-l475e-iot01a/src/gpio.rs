@@ -5,9 +5,9 @@ use embedded_hal::digital::{ErrorType, InputPin, OutputPin};
 use stm32_metapac::gpio::vals::{Moder, Ospeedr, Ot, Pupdr};
 
 use crate::bus;
-use crate::pins::{CHAIN, CHAIN_END, Pin, SWITCHES, USER_BUTTON};
+use crate::pins::{CHAIN_END, OUTPUTS, Pin, SWITCHES, USER_BUTTON};
 
-/// A push-pull output: the pin of [`CHAIN`] with this number. The pin is in the type, so that an edge is one store.
+/// A push-pull output: the pin of [`OUTPUTS`] with this number. The pin is in the type, so that an edge is one store.
 pub struct Output<const LINE: usize>(());
 
 /// Serial data into the chain.
@@ -18,9 +18,11 @@ pub type ChainClock = Output<1>;
 pub type ChainLatch = Output<2>;
 /// Output enable of the chain, active low.
 pub type ChainEnable = Output<3>;
+/// Pulse to a camera.
+pub type Sync = Output<4>;
 
 impl<const LINE: usize> Output<LINE> {
-    const PIN: Pin = CHAIN[LINE];
+    const PIN: Pin = OUTPUTS[LINE];
 
     /// Takes over the pin at the given level, without a glitch: the level is set before the direction.
     ///
@@ -152,8 +154,8 @@ pub(crate) fn alternate(pin: Pin, function: u8, kind: Ot, pull: Pupdr) {
 
 #[cfg(test)]
 mod tests {
-    use super::{ChainClock, ChainData, ChainEnable, ChainLatch, Switches, alternate, user_button_pressed};
-    use crate::pins::{CHAIN, SERVO_BUS};
+    use super::{ChainClock, ChainData, ChainEnable, ChainLatch, Switches, Sync, alternate, user_button_pressed};
+    use crate::pins::{OUTPUTS, SERVO_BUS};
     use crate::tests::model::{self, gpio::Edge};
     use crate::{bus, clocks};
     use embedded_hal::digital::{InputPin as _, OutputPin as _};
@@ -185,7 +187,8 @@ mod tests {
     fn the_pins_of_the_chain_have_medium_speed() {
         start();
         let _chain = (ChainData::new(false), ChainClock::new(false), ChainLatch::new(false), ChainEnable::new(true));
-        for pin in CHAIN {
+        Sync::new(false);
+        for pin in OUTPUTS {
             assert_eq!(model::with(|chip| chip.gpio.speed(PORT_A, pin.index.into())), 1, "PA{}", pin.index);
         }
     }

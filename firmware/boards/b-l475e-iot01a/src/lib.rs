@@ -3,6 +3,7 @@
 //!
 //! | file       | holds                                                             |
 //! |------------|-------------------------------------------------------------------|
+//! | `adc`      | supply and temperature of the chip                                |
 //! | `board`    | what the firmware's library asks of a board; priorities           |
 //! | `emulated` | whether the image runs in QEMU                                    |
 //! | `pins`     | the pin table                                                     |
@@ -30,6 +31,8 @@
 #![cfg_attr(not(test), no_std)]
 #![cfg_attr(not(test), deny(clippy::unwrap_used))]
 
+#[cfg(any(feature = "chip", test))]
+pub mod adc;
 #[cfg(any(feature = "chip", test))]
 pub mod bank2;
 #[cfg(feature = "chip")]

@@ -6,7 +6,7 @@
 
 use darm_b_l475e_iot01a::board::{self, Board};
 use darm_b_l475e_iot01a::emulated::emulated;
-use darm_b_l475e_iot01a::{clocks, gpio, restart, tasks, time, watchdog};
+use darm_b_l475e_iot01a::{adc, clocks, gpio, restart, tasks, time, watchdog};
 use darm_firmware::crash;
 use darm_firmware::hardware::Hardware as _;
 use darm_firmware::life::{self, Start};
@@ -22,6 +22,9 @@ fn main() -> ! {
     let crashes = crash::count_crash(Board::kept(), crash.is_some());
     if let Err(error) = clocks::start() {
         crash::give_up::<Board>(format_args!("the clock does not start: {error:?}"));
+    }
+    if !emulated() && !adc::start() {
+        defmt::error!("the converter does not start: supply and temperature are not measured");
     }
     gpio::start_user_button();
     time::start();

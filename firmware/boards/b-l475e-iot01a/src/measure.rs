@@ -17,6 +17,7 @@ static MASKED_FROM: AtomicU32 = AtomicU32::new(0);
 static PREEMPTED: AtomicU32 = AtomicU32::new(0);
 static LINES_SEEN: AtomicU32 = AtomicU32::new(0);
 static ENABLED: AtomicBool = AtomicBool::new(false);
+static ENABLES: AtomicU32 = AtomicU32::new(0);
 
 struct Longest(AtomicU32);
 
@@ -43,8 +44,8 @@ pub struct Measured {
     pub handler: u32,
     /// Lines 0 to 31 that were high at some time.
     pub lines_seen: u32,
-    /// Output enable after the last tick; without it a fault is latched.
-    pub enabled: bool,
+    /// How often output enable went low: at least once a program, unless a fault is latched.
+    pub enables: u32,
 }
 
 /// Reads the longest of each and starts again.
@@ -55,7 +56,7 @@ pub fn take() -> Measured {
         masked: instructions(&MASKED),
         handler: instructions(&HANDLER),
         lines_seen: LINES_SEEN.swap(0, Ordering::Relaxed),
-        enabled: ENABLED.load(Ordering::Relaxed),
+        enables: ENABLES.swap(0, Ordering::Relaxed),
     }
 }
 
@@ -77,7 +78,9 @@ pub(crate) fn end_tick((began, preempted): (u32, u32), outputs: &Outputs) {
     let taken = PREEMPTED.load(Ordering::Relaxed).wrapping_sub(preempted);
     TICK.note(cycles().wrapping_sub(began).wrapping_sub(taken));
     LINES_SEEN.fetch_or(outputs.lines as u32, Ordering::Relaxed);
-    ENABLED.store(outputs.enabled, Ordering::Relaxed);
+    if !ENABLED.swap(outputs.enabled, Ordering::Relaxed) && outputs.enabled {
+        ENABLES.fetch_add(1, Ordering::Relaxed);
+    }
 }
 
 pub(crate) fn begin_masked() {

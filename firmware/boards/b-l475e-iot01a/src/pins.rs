@@ -10,6 +10,7 @@
 //! | chain, latch                 | PA4  | D7     | output, RCLK                                   |
 //! | chain, output enable         | PA15 | D9     | output, OE, active low; high = all outputs off |
 //! | chain, far end               | PA6  | D12    | input with pull-down, from Q7S of the last 74HC595; may be left open |
+//! | pulse to a camera            | PA0  | D1     | output, high for 1 ms at each row, where the profile has it |
 //! | limit switches 0..12         | see [`SWITCHES`] | | inputs with pull-down, closed = high       |
 //! | user button                  | PC13 | –      | blue button B2, pull-up, pressed = low         |
 //!
@@ -45,8 +46,11 @@ pub const CHAIN_LATCH: Pin = pin(GPIOA, 4);
 /// Output enable of the solenoid chain, active low.
 pub const CHAIN_ENABLE: Pin = pin(GPIOA, 15);
 
-/// The chain's four pins, as [`crate::gpio::Output`] numbers them.
-pub const CHAIN: [Pin; 4] = [CHAIN_DATA, CHAIN_CLOCK, CHAIN_LATCH, CHAIN_ENABLE];
+/// Pulse to a camera.
+pub const SYNC: Pin = pin(GPIOA, 0);
+
+/// The chain's four pins and that of the pulse, as [`crate::gpio::Output`] numbers them.
+pub const OUTPUTS: [Pin; 5] = [CHAIN_DATA, CHAIN_CLOCK, CHAIN_LATCH, CHAIN_ENABLE, SYNC];
 
 /// Serial output of the last chip of the solenoid chain.
 pub const CHAIN_END: Pin = pin(GPIOA, 6);
@@ -86,8 +90,8 @@ mod tests {
     #[test]
     fn a_host_knows_the_pins_that_the_firmware_drives() {
         let table = &B_L475E_IOT01A;
-        let expected = [table.data, table.clock, table.latch, table.enable];
-        assert_eq!(CHAIN.map(name), expected);
+        let expected = [table.data, table.clock, table.latch, table.enable, table.sync];
+        assert_eq!(OUTPUTS.map(name), expected);
         let others = [table.far_end, table.servo_bus, table.button];
         assert_eq!([CHAIN_END, SERVO_BUS, USER_BUTTON].map(name), others);
         assert_eq!(SWITCHES.map(name), table.inputs);

@@ -55,7 +55,7 @@ static PROFILE: StaticCell<Profile> = StaticCell::new();
 static mut USED: MaybeUninit<DutyMeters> = MaybeUninit::uninit();
 /// In the memory that nothing clears at the start, see `memory.x`.
 #[unsafe(link_section = ".above.TICKER")]
-static mut TICKER: MaybeUninit<Ticker<Board>> = MaybeUninit::uninit();
+static mut TICKER: MaybeUninit<Ticker<'static, BoardPins>> = MaybeUninit::uninit();
 /// In the same memory.
 #[unsafe(link_section = ".above.DISPATCHER")]
 static mut DISPATCHER: MaybeUninit<OnBoard<Board>> = MaybeUninit::uninit();
@@ -82,7 +82,7 @@ fn TSC() {
     let began = crate::measure::begin_tick();
     #[cfg(feature = "bench")]
     crate::measure::note_lateness(due, now);
-    let _outputs = ticker.tick(now, due, &SHARED, &PULSES);
+    let _outputs = ticker.tick::<Board>(now, due, &SHARED, &PULSES);
     #[cfg(feature = "bench")]
     crate::measure::end_tick(began, &_outputs);
 }

@@ -42,7 +42,7 @@ static PULSES: [Pulse; Task::ALL.len()] = [const { Pulse::new() }; Task::ALL.len
 static CONSOLE: ConsoleMemory<Board> = ConsoleMemory::new();
 /// The ticker is there, and the board is not held.
 static CONTROLS: AtomicBool = AtomicBool::new(false);
-static mut TICKER: MaybeUninit<Ticker<Board>> = MaybeUninit::uninit();
+static mut TICKER: MaybeUninit<Ticker<'static, BoardPins>> = MaybeUninit::uninit();
 /// How long each output has been on. Outlives a reset; each meter finds by its checksum whether it did.
 #[unsafe(link_section = ".uninit.USED")]
 static mut USED: MaybeUninit<DutyMeters> = MaybeUninit::uninit();
@@ -53,7 +53,7 @@ fn control_tick(due: Micros) {
     if CONTROLS.load(Ordering::Acquire) {
         // SAFETY: it is there; nothing else refers to it, and an interrupt does not nest in itself.
         let ticker = unsafe { (*ticker).assume_init_mut() };
-        ticker.tick(BoardClock.now(), due, &SHARED, &PULSES);
+        ticker.tick::<Board>(BoardClock.now(), due, &SHARED, &PULSES);
     }
 }
 
@@ -97,6 +97,7 @@ fn start_control() {
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
+    board::paint_stack();
     let crash = crash::take(Board::kept(), board::take_bite());
     let crashes = crash::count_crash(Board::kept(), crash.is_some());
     board::start_clocks();
@@ -122,7 +123,7 @@ fn main() -> ! {
         tasks.spawn(servos);
     }
     loop {
-        cortex_m::asm::wfi();
+        board::sleep();
     }
 }
 

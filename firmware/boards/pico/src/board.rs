@@ -6,6 +6,8 @@
 //! | servo bus            | GP0, GP1     | UART0: GP0 sends through 1 kΩ to the one wire, GP1 hears it              |
 //! | output chain         | GP2 to GP5   | data, clock, latch, output enable (active low)                          |
 //! | inputs 0 to 12       | GP6 to GP18  | pull-down, closed is high                                               |
+//! | pulse to a camera    | GP19         | high for 1 ms at each row, where the profile has it                     |
+//! | supply               | GP29         | a third of VSYS, by the board's own divider                             |
 //! | jumper               | GP22         | pull-up, connected to ground is pressed                                 |
 //!
 //! After a reset every pin has a pull-down: output enable needs an external pull-up of 4.7 kΩ or less to hold the outputs
@@ -27,11 +29,13 @@ use embassy_time::{Instant, Timer};
 
 use crate::chain::Chain;
 use crate::flash::{Flash, unique_id};
-use crate::watchdog;
+use crate::{adc, servos, watchdog};
 
 const FIRST_INPUT: usize = 6;
 const INPUTS: usize = 13;
 const JUMPER: usize = 22;
+/// Pulse to a camera.
+const SYNC: usize = 19;
 /// Output enable of the chain, active low.
 pub(crate) const ENABLE: usize = 5;
 
@@ -58,7 +62,12 @@ const _: () = {
         input += 1;
     }
     // Those of the chain and of the bus are types of the hardware layer: `main` takes PIN_2 to PIN_5 and PIN_0.
-    assert!(number(PICO.enable) == ENABLE && number(PICO.button) == JUMPER && number(PICO.servo_bus) == 0);
+    assert!(
+        number(PICO.enable) == ENABLE
+            && number(PICO.button) == JUMPER
+            && number(PICO.sync) == SYNC
+            && number(PICO.servo_bus) == 0
+    );
     assert!(number(PICO.data) == 2 && number(PICO.clock) == 3 && number(PICO.latch) == 4);
 };
 
@@ -104,7 +113,14 @@ impl Hardware for Board {
     }
 
     fn health() -> Health {
-        Health { load_permille: LOAD.permille(), stack: Some(stack().usage()), ..Health::default() }
+        Health {
+            servo_bus: Some(servos::errors()),
+            load_permille: LOAD.permille(),
+            stack: Some(stack().usage()),
+            supply_mv: adc::supply_mv(),
+            chip_celsius: adc::celsius(),
+            ..Health::default()
+        }
     }
 
     fn open_flash() -> Option<Flash> {
@@ -158,6 +174,26 @@ fn stack() -> StackMemory {
 pub(crate) fn paint_stack() {
     // SAFETY: no interrupt is unmasked yet.
     unsafe { stack().paint(cortex_m::register::msp::read() as *mut u32) }
+}
+
+/// Forbids all accesses to the 16 MiB below the stack's memory, where nothing is in use: what overflows the stack faults, however far.
+/// Without it such an access goes to an address of the flash interface that the data sheet does not describe.
+pub(crate) fn guard_stack() {
+    /// MPU_RASR (ARMv6-M, B3.5.9): no execution, no access, 2²⁴ bytes, enabled.
+    const NOTHING: u32 = 1 << 28 | 23 << 1 | 1;
+    /// MPU_RBAR: the base, and the region in the same write.
+    const BELOW: u32 = 0x1f00_0000 | 1 << 4;
+    /// MPU_CTRL: the other addresses are as without it; it is off in the handlers of hard fault and NMI.
+    const ON: u32 = 1 << 2 | 1;
+    // SAFETY: called once at the start; nothing else uses the MPU, and what lies in the region is never accessed on purpose.
+    unsafe {
+        let core = cortex_m::Peripherals::steal();
+        core.MPU.rbar.write(BELOW);
+        core.MPU.rasr.write(NOTHING);
+        core.MPU.ctrl.write(ON);
+    }
+    cortex_m::asm::dsb();
+    cortex_m::asm::isb();
 }
 
 /// Sleeps until interrupts have something to do, and lets them; counts the time. For ever in `main`.
@@ -221,6 +257,18 @@ impl Pins for BoardPins {
             switches: levels >> FIRST_INPUT & ((1 << INPUTS) - 1),
             button: is_jumper_closed(),
             ..Inputs::default()
+        }
+    }
+
+    /// The pin becomes an output with the first pulse.
+    fn set_sync(&mut self, high: bool) {
+        let sio = pac::SIO;
+        if high {
+            sio.gpio_out(0).value_set().write_value(1 << SYNC);
+            sio.gpio_oe(0).value_set().write_value(1 << SYNC);
+            pac::IO_BANK0.gpio(SYNC).ctrl().write(|w| w.set_funcsel(pac::io::vals::Gpio0ctrlFuncsel::SIO_0 as u8));
+        } else {
+            sio.gpio_out(0).value_clr().write_value(1 << SYNC);
         }
     }
 }

@@ -2,12 +2,14 @@
 //!
 //! At 12.5 cycles a step and 4 steps a bit a bit takes 400 ns; all 64, with the latch, 26 µs.
 
-use embassy_rp::gpio::{Level, Output};
+use embassy_rp::gpio::{Drive, Level, Output};
 use embassy_rp::peripherals::{PIN_2, PIN_3, PIN_4, PIN_5, PIO0};
 use embassy_rp::pio::{Config, Direction, InterruptHandler, Pio, ShiftConfig, ShiftDirection, StateMachine};
 use embassy_rp::{Peri, bind_interrupts, pac};
 use fixed::FixedU32;
 use fixed::types::extra::U8;
+
+use crate::board::ENABLE;
 
 bind_interrupts!(struct Irqs {
     PIO0_IRQ_0 => InterruptHandler<PIO0>;
@@ -24,12 +26,22 @@ pub(crate) struct Chain {
     enable: Output<'static>,
 }
 
+/// Output enable, high. Its pull-up and the inputs of eight chips take more than the 2 mA that the hardware layer leaves: at 12 mA a low
+/// level stays below 0.4 V also with a wrong pull-up of 330 Ω. The pin is read back, so its input needs the hysteresis that the
+/// hardware layer takes away.
+fn take_enable(pin: Peri<'static, PIN_5>) -> Output<'static> {
+    let mut enable = Output::new(pin, Level::High);
+    enable.set_drive_strength(Drive::_12mA);
+    pac::PADS_BANK0.gpio(ENABLE).modify(|w| w.set_schmitt(true));
+    enable
+}
+
 type Lines = (Peri<'static, PIN_2>, Peri<'static, PIN_3>, Peri<'static, PIN_4>);
 
 impl Chain {
     /// Takes data, clock and latch, and output enable, which it drives high first of all.
     pub(crate) fn new(pio: Peri<'static, PIO0>, (data, clock, latch): Lines, enable: Peri<'static, PIN_5>) -> Self {
-        let enable = Output::new(enable, Level::High);
+        let enable = take_enable(enable);
         let Pio { mut common, sm0: mut machine, .. } = Pio::new(pio, Irqs);
         let program = pio::pio_asm!(
             ".side_set 2", // clock, latch

@@ -11,6 +11,7 @@
 //!
 //! | file      | holds                                                                       |
 //! |-----------|-----------------------------------------------------------------------------|
+//! | `adc`     | supply and temperature                                                       |
 //! | `board`   | what the firmware's library asks of a board; switches and jumper             |
 //! | `chain`   | the output chain by PIO                                                      |
 //! | `console` | a serial port over USB                                                       |
@@ -21,6 +22,7 @@
 #![no_std]
 #![no_main]
 
+mod adc;
 mod board;
 mod chain;
 mod console;
@@ -64,7 +66,7 @@ static SHARED: Shared<'static> = Shared::new();
 static PULSES: [Pulse; Task::ALL.len()] = [const { Pulse::new() }; Task::ALL.len()];
 
 static CONSOLE: ConsoleMemory<Board> = ConsoleMemory::new();
-static mut TICKER: MaybeUninit<Ticker<Board>> = MaybeUninit::uninit();
+static mut TICKER: MaybeUninit<Ticker<'static, BoardPins>> = MaybeUninit::uninit();
 /// How long each output has been on. Outlives a reset; each meter finds by its checksum whether it did.
 #[unsafe(link_section = ".uninit.USED")]
 static mut USED: MaybeUninit<DutyMeters> = MaybeUninit::uninit();
@@ -86,7 +88,7 @@ fn TIMER_IRQ_1() {
     let ticker = &raw mut TICKER;
     // SAFETY: this is unmasked when the value is there; nothing else refers to it, and an interrupt does not nest in itself.
     let ticker = unsafe { (*ticker).assume_init_mut() };
-    ticker.tick(now, now - Micros(late_us.into()), &SHARED, &PULSES);
+    ticker.tick::<Board>(now, now - Micros(late_us.into()), &SHARED, &PULSES);
 }
 
 /// Requests the control tick after the one that was due then; those that were missed meanwhile are left out.
@@ -185,6 +187,7 @@ fn start_control(pins: BoardPins) {
 fn start(p: Peripherals, crash: Option<CrashRecord>, start: Start) {
     let pins = BoardPins::new(chain::Chain::new(p.PIO0, (p.PIN_2, p.PIN_3, p.PIN_4), p.PIN_5));
     board::start_inputs();
+    adc::start();
     set_priorities();
     let owned = CONSOLE.build(crash, &SHARED);
     let prompt = PROMPT.start(interrupt::SWI_IRQ_1);
@@ -205,6 +208,7 @@ fn start(p: Peripherals, crash: Option<CrashRecord>, start: Start) {
 #[cortex_m_rt::entry]
 fn main() -> ! {
     board::paint_stack();
+    board::guard_stack();
     let p = embassy_rp::init(embassy_rp::config::Config::default());
     let crash = crash::take(Board::kept(), watchdog::take_bite());
     let crashes = crash::count_crash(Board::kept(), crash.is_some());

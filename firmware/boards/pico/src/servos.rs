@@ -1,6 +1,8 @@
 //! The servo bus by UART0 at 1 Mbaud: a request fits the transmit FIFO, what comes is taken by the interrupt.
 use core::convert::Infallible;
+use core::sync::atomic::{AtomicU32, Ordering};
 
+use darm_core::wire::health::LineErrors;
 use darm_firmware::pipe::Pipe;
 use embassy_futures::yield_now;
 use embassy_rp::interrupt::InterruptExt as _;
@@ -11,6 +13,15 @@ use embedded_io_async::{ErrorType, Read, Write};
 
 /// One packet of 16 bytes, its echo, and what of a late answer may precede it.
 static RECEIVED: Pipe<128> = Pipe::new();
+
+/// Overruns, framing errors, disturbed and dropped bytes, since the start.
+static ERRORS: [AtomicU32; 4] = [const { AtomicU32::new(0) }; 4];
+
+/// Errors of the line, since the start.
+pub(crate) fn errors() -> LineErrors {
+    let [overruns, framing, noise, dropped] = ERRORS.each_ref().map(|count| count.load(Ordering::Relaxed));
+    LineErrors { overruns, framing, noise, dropped }
+}
 
 /// The sending half.
 pub(crate) struct Port(UartTx<'static, Blocking>);
@@ -36,8 +47,16 @@ pub(crate) fn start(uart: Peri<'static, UART0>, tx: Peri<'static, PIN_0>, rx: Pe
 #[interrupt]
 fn UART0_IRQ() {
     while !pac::UART0.uartfr().read().rxfe() {
+        let received = pac::UART0.uartdr().read();
         // A byte that finds the queue full is lost, and the packet with it: the bus asks again.
-        RECEIVED.push(pac::UART0.uartdr().read().data());
+        let dropped = !RECEIVED.push(received.data());
+        for (count, has_failed) in
+            ERRORS.iter().zip([received.oe(), received.fe() || received.be(), received.pe(), dropped])
+        {
+            if has_failed {
+                count.store(count.load(Ordering::Relaxed).saturating_add(1), Ordering::Relaxed);
+            }
+        }
     }
     pac::UART0.uarticr().write(|w| {
         w.set_rxic(true);

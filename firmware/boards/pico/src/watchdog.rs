@@ -14,12 +14,19 @@ pub(crate) fn feed(time: Micros) {
     pac::WATCHDOG.load().write_value(pac::watchdog::regs::Load(time.0 as u32 * 2));
 }
 
-/// Starts the watchdog.
+/// Starts the watchdog. It and the timer run on while a debugger has the processor (RP2040 data sheet, 4.6.5 and 4.7.6).
 pub(crate) fn start() {
     pac::PSM.wdsel().write_value(pac::psm::regs::Wdsel(0x1_fffc));
     feed(PERIOD);
     pac::WATCHDOG.scratch4().write_value(OURS);
-    pac::WATCHDOG.ctrl().modify(|w| w.set_enable(true));
+    // A debugger that halts the processor, or has halted it and was lost, would stop both with the outputs as they are.
+    pac::TIMER.dbgpause().write_value(pac::timer::regs::Dbgpause(0));
+    pac::WATCHDOG.ctrl().modify(|w| {
+        w.set_pause_jtag(false);
+        w.set_pause_dbg0(false);
+        w.set_pause_dbg1(false);
+        w.set_enable(true);
+    });
 }
 
 /// Whether the watchdog caused the last reset because this firmware did not feed it. Call once, at start.

@@ -30,6 +30,7 @@ pub(super) fn build(raw: &RawProfile) -> Result<BoardProfile, At> {
     });
     check(&profile, raw.emergency_stop.as_ref().map_or(raw.supply.span(), Spanned::span))?;
     profile.board = board_wiring(raw)?;
+    profile.sync = raw.pins.contains_key("sync");
     check(&profile, raw.chain.as_ref().map_or(raw.supply.span(), |chain| chain.chips.span()))?;
     for spanned in &raw.output {
         let number = spanned.get_ref().number;

@@ -25,7 +25,8 @@ const ADVICE: &str = "\
 #               hottest surroundings (ambient_c, derate_percent_per_k).
 # input         input of the limit switch of the actuator; here they count along the arm.
 # board         name of the board, so that no other one takes this profile: \"Pico\" or \"B-L475E-IOT01A\".
-# [chain]       chips = N, the 74HC595 in the output chain: no line beyond them can be wired.
+# [chain]       chips = N, the 74HC595 in the output chain: no line beyond them can be wired. A B-L475E-IOT01A then demands
+#               that the far end of the chain is wired back.
 # [supply]      coils that may be switched on within window_ms: current of the supply over the pull-in current of one coil.
 # [[servo]]     range of the shaft (here that of the joint), speed, share of the servo's own torque, time-out.
 

@@ -78,9 +78,12 @@ fn the_board_its_pins_and_the_length_of_the_chain_are_checked_at_their_place() {
     let wired = BoardWiring { chips: Some(1), layout: Some(PICO.layout()) };
     assert_eq!(read_back(&pins("latch = \"GP4\"\ninputs = [\"GP6\", \"GP7\"]")), wired);
     assert_eq!(read_back(&text("")), BoardWiring::ANY);
+    let has_sync = |text: &str| read(&read(text).unwrap().to_toml()).unwrap().profile.sync;
+    assert!(has_sync(&pins("sync = \"GP19\"")) && !has_sync(&pins("latch = \"GP4\"")));
     let cases = [
         (text("board = \"pico\""), "4:9: board \"pico\" is not known; give one of B-L475E-IOT01A, Pico"),
         (text("[pins]\nlatch = \"GP4\""), "5:9: [pins] without `board`"),
+        (pins("sync = \"GP7\""), "8:8: `sync` is at GP7, and the firmware of Pico has it at GP19; move the wire"),
         (pins("latch = \"GP7\""), "8:9: `latch` is at GP7, and the firmware of Pico has it at GP4; move the wire"),
         (pins("far_end = \"GP7\""), "8:11: Pico has no pin for `far_end`; the functions of its pins are data, clock"),
         (pins("inputs = [\"GP7\"]"), "8:10: `inputs` is at GP7, and the firmware of Pico has it at GP6, GP7,"),

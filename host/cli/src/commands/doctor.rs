@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use darm_core::sequencer::Phase;
+use darm_core::wire::message::Refusal;
 use darm_device::client::{Client, ClientError, TransportError};
 use darm_device::link::{self, LinkError};
 use darm_device::qemu::{self, VersionError};
@@ -191,7 +192,7 @@ fn board(client: &Client) -> Check {
     if client.hello().is_some() {
         Check::good("board", found)
     } else {
-        Check::wrong("board", found, "this tool uses another protocol version; update the firmware with `darm flash`")
+        Check::wrong("board", found, &Refusal::Protocol { board: version.protocol }.to_string())
     }
 }
 

@@ -6,7 +6,7 @@ use std::time::Duration;
 use darm_core::sequencer::{Event, Fault, Phase, ServoSeen};
 use darm_core::units::{Digest, Micros};
 use darm_core::wire::bootstrap::{CrashKind, CrashRecord};
-use darm_core::wire::health::{ChipOptions, Health};
+use darm_core::wire::health::{ChipOptions, FlashErrors, Health};
 use darm_core::wire::message::{self, OutputState};
 use darm_device::client::Client;
 use serde::Serialize;
@@ -278,12 +278,13 @@ fn health_lines(health: &Health) -> Vec<String> {
     let mut lines = Vec::new();
     lines.extend(health.clock.map(|clock| format!("clock     {clock}")));
     lines.extend(health.reset.map(|cause| format!("reset     by {cause}")));
-    lines.push(format!("console   {}", health.console));
-    lines.push(format!("servo bus {}, {} visits without an answer", health.servo_bus, health.servos_unanswered));
-    lines.push(format!(
-        "flash     {} words corrected, {} damaged words in the data",
-        health.flash_corrected, health.flash_uncorrected
-    ));
+    lines.push(format!("console   {}", measured(health.console, |errors| errors.to_string())));
+    let bus = measured(health.servo_bus, |errors| errors.to_string());
+    lines.push(format!("servo bus {bus}, {} visits without an answer", health.servos_unanswered));
+    let flash = |FlashErrors { corrected, damaged }| {
+        format!("{corrected} words corrected, {damaged} damaged words in the data")
+    };
+    lines.push(format!("flash     {}", measured(health.flash, flash)));
     lines.extend(
         health.chain.map(|chain| format!("chain     {} chips, {} errors at its far end", chain.chips, chain.errors)),
     );
@@ -292,7 +293,14 @@ fn health_lines(health: &Health) -> Vec<String> {
         health.load_permille.map(|load| format!("load      {:.1} % of the last second", 0.1 * f64::from(load))),
     );
     lines.extend(health.stack.map(|stack| format!("stack     {} of {} bytes were in use", stack.used, stack.size)));
+    lines.extend(health.supply_mv.map(|supply| format!("supply    {:.2} V", 1e-3 * f64::from(supply))));
+    lines.extend(health.chip_celsius.map(|celsius| format!("chip      {celsius} °C")));
     lines
+}
+
+/// What a board counts; not every board counts everything.
+fn measured<T>(errors: Option<T>, text: impl Fn(T) -> String) -> String {
+    errors.map_or_else(|| "errors not measured".to_owned(), text)
 }
 
 fn options_line(options: &ChipOptions) -> String {

@@ -204,7 +204,8 @@ impl Exchange {
 
     /// Reads a reply whose request was first sent at `sent_s`.
     pub(super) fn open(&mut self, name: &'static str, arrival: &Arrival, sent_s: f64) -> Result<Answer, ClientError> {
-        let reply: Reply = decode_reply(&arrival.payload).ok_or(AnswerError::Payload { request: name })?;
+        let reply: Reply =
+            postcard::from_bytes(&arrival.payload).map_err(|_| AnswerError::Payload { request: name })?;
         self.answered_at = reply.at;
         let board_s = 1e-6 * reply.at.0 as f64;
         self.clock.observe(RoundTrip { sent_s, board_s, received_s: arrival.received_s });
@@ -299,16 +300,6 @@ impl Exchange {
     }
 }
 
-/// Reads a reply. `Health` of firmware from before load and stack were reported ends without them: two options, which are `None`
-/// as zeros.
-fn decode_reply(payload: &[u8]) -> Option<Reply> {
-    if let Ok(reply) = postcard::from_bytes(payload) {
-        return Some(reply);
-    }
-    let reply: Reply = postcard::from_bytes(&[payload, &[0, 0]].concat()).ok()?;
-    matches!(reply.result, Ok(Answer::Health(_))).then_some(reply)
-}
-
 /// Whether a request must not be repeated on a new connection. An upload is: a repeated `Commit` changes nothing.
 fn acts_once(request: &Request<'_>) -> bool {
     !request.is_repeatable() && !matches!(request, Request::Commit(_))
@@ -318,28 +309,4 @@ fn encode(header: Header, payload: &[u8]) -> Result<Vec<u8>, ClientError> {
     let mut bytes = [0; MAX_FRAME];
     let len = frame::encode(header, payload, &mut bytes).map_err(AnswerError::Request)?;
     Ok(bytes[..len].to_vec())
-}
-
-#[cfg(test)]
-mod tests {
-    use darm_core::units::Micros;
-    use darm_core::wire::health::{ChainHealth, Health, StackUse};
-
-    use super::{Answer, Reply, decode_reply};
-
-    #[test]
-    fn health_of_firmware_without_load_and_stack_is_read_and_half_of_one_is_not() {
-        let former =
-            Health { chain: Some(ChainHealth { chips: 2, errors: 12 }), flash_corrected: 300, ..Health::default() };
-        let now = Health { load_permille: Some(300), stack: Some(StackUse { used: 9, size: 13 }), ..former };
-        let encode =
-            |health| postcard::to_stdvec(&Reply { at: Micros(5), result: Ok(Answer::Health(health)) }).unwrap();
-        let read = |bytes: &[u8]| decode_reply(bytes).and_then(|reply| reply.result.ok());
-        assert_eq!(read(&encode(now)), Some(Answer::Health(now)));
-        let bytes = encode(former);
-        assert_eq!(bytes[bytes.len() - 2..], [0, 0]);
-        assert_eq!(read(&bytes[..bytes.len() - 2]), Some(Answer::Health(former)));
-        assert_eq!(read(&bytes[..bytes.len() - 3]), None);
-        assert_eq!(read(&postcard::to_stdvec(&Reply { at: Micros(5), result: Ok(Answer::Done) }).unwrap()[..2]), None);
-    }
 }

@@ -6,6 +6,7 @@ use darm_core::output::SwitchLimit;
 use darm_core::sequencer::Command;
 use darm_core::table::Record;
 use darm_core::units::{Digest, Micros, ModelHash};
+use darm_core::wire::PROTOCOL;
 use darm_core::wire::message::Refusal;
 
 use super::fake::FakeBoard;
@@ -58,6 +59,18 @@ fn another_version_can_still_be_stopped() {
     let mut client = Client::connect_as(Box::new(board), 1).unwrap();
     assert_eq!(client.status().unwrap_err().refusal(), Some(Refusal::Protocol { board: 99 }));
     client.stop_at_once().unwrap();
+}
+
+#[test]
+fn a_board_of_another_version_is_refused_with_the_side_to_update() {
+    let sentence = |protocol| {
+        let (board, memory) = FakeBoard::new();
+        memory.lock().unwrap().protocol = protocol;
+        Client::connect_as(Box::new(board), 1).unwrap().status().unwrap_err().to_string()
+    };
+    assert!(sentence(PROTOCOL - 1).ends_with("update the firmware, with `darm flash`"), "{}", sentence(PROTOCOL - 1));
+    assert!(sentence(PROTOCOL + 1).ends_with("update this tool, `darm`"));
+    assert!(sentence(0).contains("held after crashes"));
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use std::cell::{Cell, RefCell};
 use std::convert::Infallible;
 use std::future::{Future, poll_fn};
+use std::pin::pin;
 use std::rc::Rc;
 use std::task::Poll;
 
@@ -15,14 +16,17 @@ use darm_core::wire::caps::Caps;
 use darm_core::wire::health::Health;
 use darm_firmware::app::serve;
 use darm_firmware::clock::Clock;
-use darm_firmware::control::{Control, Inputs, Shared, TICK};
+use darm_firmware::control::{Inputs, Shared, TICK};
 use darm_firmware::dispatch::{BUILD, Board, Dispatcher};
+use darm_firmware::hardware;
+use darm_firmware::life::{Pulse, Task};
 use darm_firmware::log::LogMemory;
 use darm_firmware::nearest::Room;
 use darm_firmware::pipe::{Pipe, PipeReader, PipeWriter};
 use darm_firmware::servo::Bus;
-use darm_firmware::solenoid::{Pins, Solenoids};
+use darm_firmware::solenoid::{self, Chain};
 use darm_firmware::store::SLOT_BYTES;
+use darm_firmware::tick::{Care, Ticker};
 use embassy_futures::select::{Either3, select3};
 use embedded_hal::digital::{ErrorType, InputPin, OutputPin};
 use embedded_storage_async::nor_flash::NorFlash;
@@ -146,6 +150,40 @@ impl InputPin for Wire {
     }
 }
 
+/// The pins of the control tick.
+struct BoardPins {
+    chain: solenoid::Pins<Wire, Wire, Wire, Wire>,
+    wires: Rc<Wires>,
+}
+
+impl BoardPins {
+    fn new(wires: &Rc<Wires>) -> Self {
+        let pin = |pin| Wire(wires.clone(), pin);
+        let [data, clock, latch, enable] = [Pin::Data, Pin::Clock, Pin::Latch, Pin::Enable].map(pin);
+        Self { chain: solenoid::Pins { data, clock, latch, enable }, wires: wires.clone() }
+    }
+}
+
+impl Chain for BoardPins {
+    fn shift(&mut self, lines: u64) {
+        self.chain.shift(lines);
+    }
+
+    fn set_enabled(&mut self, enabled: bool) {
+        self.chain.set_enabled(enabled);
+    }
+
+    fn reads_disabled(&mut self) -> Option<bool> {
+        self.chain.reads_disabled()
+    }
+}
+
+impl hardware::Pins for BoardPins {
+    fn inputs(&self) -> Inputs {
+        Inputs { switches: self.wires.switches.get(), button: self.wires.button.get(), ..Inputs::default() }
+    }
+}
+
 /// Runs the firmware from its start until a restart is requested. `used` is memory that survives a reset.
 pub(super) async fn run(wires: Rc<Wires>, flash: MemoryFlash, used: Rc<RefCell<DutyMeters>>) -> RebootTarget {
     match flash.chip() {
@@ -162,6 +200,8 @@ async fn run_on(flash: impl NorFlash, chip: Chip, wires: Rc<Wires>, used: Rc<Ref
     let mut log = Box::<LogMemory>::default();
     let mut used = used.borrow_mut();
     let shared = Shared::new();
+    let pulses = [const { Pulse::new() }; Task::ALL.len()];
+    let [console_pulse, bus_pulse] = &pulses;
     let console = async {
         let name = "in-process";
         let identity = Identity { device: DEVICE, board: name.parse().expect("a name that fits") };
@@ -185,22 +225,23 @@ async fn run_on(flash: impl NorFlash, chip: Chip, wires: Rc<Wires>, used: Rc<Ref
     };
     let bus =
         async { Bus::new(PipeReader(&wires.bus_in), PipeWriter(&wires.bus_out), &wires.clock).run(&shared).await };
-    match select3(console, control(&wires, &shared, &mut used), bus).await {
+    let (console, bus) = (pin!(console), pin!(bus));
+    let control = control(&wires, &shared, &mut used, &pulses);
+    match select3(console_pulse.during(&&wires.clock, console), control, bus_pulse.at_each_poll(bus)).await {
         Either3::First(into) => into,
-        Either3::Second(never) | Either3::Third(never) => never,
+        Either3::Second(()) => RebootTarget::Application,
+        Either3::Third(never) => never,
     }
 }
 
-/// The control task, as on the chip: reads the switches, decides, drives the chain once per millisecond.
-async fn control<'t>(wires: &Rc<Wires>, shared: &Shared<'t>, used: &'t mut DutyMeters) -> ! {
-    let pin = |pin| Wire(wires.clone(), pin);
-    let mut solenoids = Solenoids::new(Pins {
-        data: pin(Pin::Data),
-        clock: pin(Pin::Clock),
-        latch: pin(Pin::Latch),
-        enable: pin(Pin::Enable),
-    });
-    let mut control = Control::new(wires.clock.now(), shared, used);
+/// The control task, as on the chip: once per millisecond, until a task is silent, which resets a board.
+async fn control<'t>(
+    wires: &Rc<Wires>,
+    shared: &Shared<'t>,
+    used: &'t mut DutyMeters,
+    pulses: &[Pulse; Task::ALL.len()],
+) {
+    let mut ticker = Ticker::new(wires.clock.now(), BoardPins::new(wires), used, shared);
     let mut due = wires.clock.now();
     loop {
         due = due + TICK;
@@ -209,8 +250,9 @@ async fn control<'t>(wires: &Rc<Wires>, shared: &Shared<'t>, used: &'t mut DutyM
         while due + TICK <= wires.clock.now() {
             due = due + TICK;
         }
-        let inputs = Inputs { switches: wires.switches.get(), button: wires.button.get(), ..Inputs::default() };
-        let outputs = control.tick(wires.clock.now(), due, inputs, shared);
-        solenoids.apply(outputs.lines, outputs.enabled);
+        let (_, care) = ticker.step(wires.clock.now(), due, shared, pulses);
+        if matches!(care, Care::End(_)) {
+            return;
+        }
     }
 }

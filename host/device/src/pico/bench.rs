@@ -79,6 +79,22 @@ impl PicoBench {
         self.command("panic\n");
     }
 
+    /// Lets the code that runs now cause a hard fault while the stack pointer is there.
+    pub fn hard_fault(&mut self, stack_pointer: u32) {
+        self.command(&format!("fault {stack_pointer}\n"));
+    }
+
+    /// What a register of the chip holds; `None` where the emulator has failed.
+    pub fn register(&mut self, address: u32) -> Option<u32> {
+        let mut found = None;
+        self.ask(&format!("peek {address}\n"), &mut |report| {
+            if let Report::Word(word) = report {
+                found = Some(word);
+            }
+        });
+        found
+    }
+
     /// Starts the image as the boot ROM does that has just written it: by its watchdog, with noise in memory.
     pub fn start_as_flashed(&mut self) {
         self.command("flashed\n");
@@ -172,7 +188,7 @@ impl PicoBench {
             Report::Reset => self.resets += 1,
             Report::Ended(ended) => self.ended = Some(ended),
             Report::Done { at_ns } => self.now_ns = at_ns.max(self.now_ns),
-            Report::Stack(_) | Report::Ticks(_) => {}
+            Report::Stack(_) | Report::Ticks(_) | Report::Word(_) => {}
         }
     }
 }

@@ -107,6 +107,8 @@ pub(super) enum Report {
     Stack(u64),
     /// Counts of ticks, instructions, three kinds of cycles, operations.
     Ticks([u64; 6]),
+    /// What a register holds.
+    Word(u32),
     /// All of a step has been reported.
     Done { at_ns: u64 },
 }
@@ -196,6 +198,7 @@ fn parse(line: &str) -> Option<Report> {
         "loader" => Report::Ended(Ended::Loader),
         "stack" => Report::Stack(number(0)?),
         "ticks" => Report::Ticks([number(0)?, number(1)?, number(2)?, number(3)?, number(4)?, number(5)?]),
+        "word" => Report::Word(number(0)?.try_into().ok()?),
         "done" => Report::Done { at_ns: number(0)? },
         _ => return None,
     })

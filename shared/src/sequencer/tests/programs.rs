@@ -6,8 +6,8 @@ use std::vec::Vec;
 use super::{Bench, actuator, coil, end, row, start, two_valves};
 use crate::duty::DutyMeters;
 use crate::output::{ActuatorWiring, Drive};
-use crate::profile::EmergencyStop;
-use crate::sequencer::{Command, CommandError, Event, FaultKind, Outputs, Phase, Sequencer};
+use crate::profile::{BoardWiring, EmergencyStop};
+use crate::sequencer::{Command, CommandError, EnableLevel, Event, FarEnd, FaultKind, Outputs, Phase, Sequencer};
 use crate::table::Record;
 
 #[test]
@@ -112,6 +112,83 @@ fn a_broken_chain_latches_until_it_is_whole_again() {
     bench.seen.chain_broken = false;
     bench.run(1).command(Command::Clear).unwrap();
     assert_eq!(bench.run(1).fault(), None);
+}
+
+#[test]
+fn a_camera_gets_a_pulse_of_one_tick_at_each_row_where_the_profile_has_one() {
+    for sync in [true, false] {
+        let records = two_valves(&[row(0, "10"), row(20, "10"), row(40, "01"), end(60)]);
+        let mut bench = Bench::with(&records, |profile| profile.sync = sync);
+        bench.command(Command::Play).unwrap();
+        let pulses: Vec<u64> = (0..100).filter(|_| bench.run(1).outputs.sync).collect();
+        let rows: &[u64] = if sync { &[0, 20, 40] } else { &[] };
+        assert_eq!(pulses, rows);
+    }
+}
+
+/// The edges of output enable are those of the first and of the last line.
+#[test]
+fn output_enable_is_driven_low_only_while_a_line_is_high() {
+    let drive = Drive::Latch { set: 0, reset: 1, pulse_ms: 5 };
+    let quiet = Record::Actuator(ActuatorWiring { states: 2, switch: None, travel_ms: 5 });
+    let mut bench = Bench::new(&[start(), coil(0, drive), quiet, row(0, "0"), row(20, "1"), end(40)]);
+    let mut edges = Vec::new();
+    let mut watch = |bench: &mut Bench, millis: u64| {
+        for _ in 0..millis {
+            let before = core::mem::take(&mut bench.outputs);
+            bench.run(1);
+            assert_eq!(bench.outputs.enabled, bench.outputs.lines != 0);
+            edges.extend((before.enabled != bench.outputs.enabled).then_some(bench.outputs.enabled));
+        }
+    };
+    watch(&mut bench, 10);
+    bench.command(Command::Play).unwrap();
+    watch(&mut bench, 60);
+    bench.command(Command::Coil { coil: 0, on_ms: 3 }).unwrap();
+    watch(&mut bench, 60);
+    assert_eq!((bench.sequencer.phase(), bench.outputs.enabled), (Phase::Manual, false));
+    assert_eq!(edges, [true, false, true, false, true, false], "two pulses of the program, one by hand");
+}
+
+#[test]
+fn output_enable_that_does_not_follow_is_a_fault_at_either_level() {
+    for (level, kind) in [(EnableLevel::Low, FaultKind::OutputEnable), (EnableLevel::High, FaultKind::OutputEnableHigh)]
+    {
+        let mut bench = Bench::new(&two_valves(&[row(0, "10"), end(90)]));
+        bench.command(Command::Play).unwrap();
+        bench.run(5).seen.enable_stuck = Some(level);
+        assert_eq!(bench.run(1).fault(), Some(kind));
+        assert_eq!((bench.outputs.enabled, bench.outputs.lines), (false, 0));
+    }
+}
+
+#[test]
+fn a_far_end_that_the_profile_demands_has_to_answer_before_anything_is_switched() {
+    let with = |chips| {
+        Bench::with(&two_valves(&[row(0, "10"), end(90)]), |profile| {
+            profile.board = BoardWiring { chips, layout: None }
+        })
+    };
+    let fault = |bench: &mut Bench, far_end| {
+        bench.seen.far_end = far_end;
+        let _ = bench.run(1).command(Command::Clear);
+        let _ = bench.command(Command::Play);
+        bench.run(1);
+        assert_eq!(bench.outputs.lines, u64::from(bench.fault().is_none()));
+        bench.fault()
+    };
+    let silent = Some(FaultKind::FarEnd { expected: 2, counted: 0 });
+    let mut bench = with(Some(2));
+    bench.seen.far_end = FarEnd::Trying;
+    assert_eq!(bench.run(100).fault(), None, "it has its time");
+    assert_eq!(fault(&mut bench, FarEnd::Trying), silent, "and nothing is switched meanwhile");
+    assert_eq!(fault(&mut bench, FarEnd::Silent), silent);
+    assert_eq!(fault(&mut bench, FarEnd::Chips(1)), Some(FaultKind::FarEnd { expected: 2, counted: 1 }));
+    assert_eq!(fault(&mut bench, FarEnd::Chips(2)), None, "repaired and cleared");
+    for far_end in [FarEnd::Trying, FarEnd::Silent, FarEnd::Chips(1)] {
+        assert_eq!(fault(&mut with(None), far_end), None, "the profile does not say");
+    }
+    assert_eq!(fault(&mut with(Some(2)), FarEnd::Absent), None, "the board has no input for it");
 }
 
 #[test]

@@ -7,6 +7,7 @@
 //!
 //! Each access takes one cycle of the core's clock as it is set. Interrupts are not taken: a test asks for the request lines
 //! and calls the handlers.
+pub(crate) mod adc;
 pub(crate) mod dma;
 pub(crate) mod flash;
 pub(crate) mod gpio;
@@ -36,6 +37,7 @@ pub(crate) struct Chip {
     pub(crate) usarts: [usart::Usart; 2],
     pub(crate) dma: dma::Dma,
     pub(crate) gpio: gpio::Gpio,
+    pub(crate) adc: adc::Adc,
     /// SYSCFG_MEMRMP (RM0351, 9.2.1).
     pub(crate) remap: u32,
     memories: Vec<&'static [AtomicU8]>,
@@ -113,6 +115,7 @@ impl Chip {
             usarts: [usart::Usart::new(), usart::Usart::new()],
             dma: dma::Dma::new(),
             gpio: gpio::Gpio::new(),
+            adc: adc::Adc::new(),
             remap: 0,
             memories: Vec::new(),
             cycle_rest: 0.0,
@@ -138,6 +141,7 @@ impl Chip {
             let now_ns = self.now_ns;
             self.rcc.pass(now_ns);
             self.flash.pass(now_ns);
+            self.adc.pass(now_ns);
             self.watchdog.pass(now_ns);
             for usart in &mut self.usarts {
                 usart.pass(now_ns);
@@ -176,6 +180,7 @@ impl Chip {
             0x4002_1000 => self.rcc.load(offset),
             0x4002_2000 => self.flash.load(offset),
             0x4800_0000..=0x4800_0c00 => self.gpio.load(address & 0xfff),
+            0x5004_0000 => self.adc.load(offset),
             _ => panic!("read of {address:#010x}, which no model has"),
         }
     }
@@ -196,6 +201,7 @@ impl Chip {
             0x4002_2000 => self.flash.store(offset, value, now_ns),
             0x0800_0000..=0x080f_fc00 => self.flash.program(address, value, now_ns),
             0x4800_0000..=0x4800_0c00 => self.gpio.store(address & 0xfff, value),
+            0x5004_0000 => self.adc.store(offset, value, now_ns),
             _ => panic!("write of {address:#010x}, which no model has"),
         }
         self.serve_dma();
