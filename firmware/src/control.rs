@@ -39,8 +39,9 @@ pub use order::{Order, Outcome, Snapshot, Summary, Unloaded};
 
 /// Time from one control tick to the next.
 pub const TICK: Micros = Micros::from_millis(1);
-/// Events that wait for the dispatcher; beyond that the newest are lost, and their numbers show it.
-const WAITING_EVENTS: usize = 64;
+/// Events that wait for the dispatcher, as many as a second of rows each 20 ms makes; beyond that the newest are lost, and their
+/// numbers show it.
+const WAITING_EVENTS: usize = 56;
 
 /// An event with its number since the start.
 #[derive(Clone, Copy, Debug, PartialEq)]
