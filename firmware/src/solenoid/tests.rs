@@ -13,6 +13,8 @@ struct Chain {
     shifted: Cell<u64>,
     latched: Cell<u64>,
     edges: Cell<u32>,
+    /// Lines that were high for a moment at least.
+    shown: Cell<u64>,
     /// Shift registers up to the far end; 0 while nothing is wired to it.
     chips: Cell<u32>,
     /// The level that output enable has whatever drives it.
@@ -29,6 +31,7 @@ impl Chain {
         if wire == 2 && rises {
             self.latched.set(self.shifted.get());
         }
+        self.shown.set(self.shown.get() | self.outputs(64));
     }
 
     fn is_disabled(&self) -> bool {
@@ -131,9 +134,12 @@ fn a_chain_that_loses_its_supply_while_no_line_is_high_shows_none_of_what_it_hol
     let chain = Chain::default();
     let mut solenoids = solenoids(&chain);
     for lines in [0b01, 0, 0b10] {
-        (chain.shifted.set(u64::MAX), chain.latched.set(u64::MAX));
+        if lines != 0 {
+            (chain.shifted.set(u64::MAX), chain.latched.set(u64::MAX));
+        }
+        chain.shown.set(0);
         solenoids.apply(lines, lines != 0);
-        assert_eq!(chain.outputs(64), lines);
+        assert_eq!((chain.outputs(64), chain.shown.get()), (lines, lines), "not for a moment");
     }
     solenoids.apply(0, false);
     (0..2 * REFRESH_TICKS).for_each(|_| {
