@@ -34,8 +34,11 @@ pub trait Chain {
         None
     }
 
-    /// Counts the chips while all lines are low and the outputs are disabled. 0 where the far end does not answer, `None` where the
-    /// board has no input for it.
+    /// Shifts a pattern in, and leaves the outputs as they are. While all lines are low and the outputs are disabled.
+    fn prime(&mut self) {}
+
+    /// Counts the chips by what comes out while zeros follow the pattern of [`Chain::prime`]. 0 where the far end does not answer,
+    /// `None` where the board has no input for it.
     fn count(&mut self) -> Option<u8> {
         None
     }
@@ -136,6 +139,8 @@ pub struct Solenoids<C> {
     /// Ticks in a row in which output enable has not followed.
     enable_errors: u8,
     far_end: FarEnd,
+    /// The registers have the pattern by which chips are counted.
+    primed: bool,
     /// Times that the far end was asked again.
     retries: u8,
     /// Ticks without a change since the last refresh.
@@ -156,6 +161,7 @@ impl<C: Chain> Solenoids<C> {
             enabled: true,
             enable_errors: 0,
             far_end: FarEnd::Absent,
+            primed: false,
             retries: 0,
             age_ticks: 0,
             busy: false,
@@ -167,6 +173,7 @@ impl<C: Chain> Solenoids<C> {
         if solenoids.enable_differs() {
             solenoids.enable_errors = STUCK;
         }
+        solenoids.chain.prime();
         solenoids.count();
         solenoids
     }
@@ -196,7 +203,7 @@ impl<C: Chain> Solenoids<C> {
         }
         if self.latched != lines {
             self.chain.shift(lines);
-            self.latched = lines;
+            (self.latched, self.primed) = (lines, false);
         } else if !is_stuck {
             self.refresh(lines);
         }
@@ -244,8 +251,7 @@ impl<C: Chain> Solenoids<C> {
             return;
         }
         if matches!(self.far_end, FarEnd::Trying | FarEnd::Silent) && lines == 0 && !self.enabled {
-            self.retries = self.retries.saturating_add(1);
-            self.count();
+            return self.ask_again();
         }
         if self.chain.verify(lines) == Some(false) {
             self.note_error();
@@ -253,6 +259,20 @@ impl<C: Chain> Solenoids<C> {
             self.errors_in_a_row = 0;
             self.age_ticks = 0;
         }
+    }
+
+    /// Asks a far end that is silent, in two ticks without an order, which are each as long as one with a refresh.
+    fn ask_again(&mut self) {
+        if self.busy {
+            return;
+        }
+        self.primed = !self.primed;
+        if self.primed {
+            return self.chain.prime();
+        }
+        self.age_ticks = 0;
+        self.retries = self.retries.saturating_add(1);
+        self.count();
     }
 
     fn note_error(&mut self) {

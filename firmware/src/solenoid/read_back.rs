@@ -6,6 +6,9 @@ use embedded_hal::digital::{InputPin, OutputPin};
 
 use super::{Chain, Pins};
 
+/// By which chips are counted. It never reaches the latch.
+const PATTERN: u64 = 0b1010_0110;
+
 /// Pins with an input on the far end of the chain, the serial output Q7S (QH') of its last chip.
 pub struct ReadBack<D, C, L, E, Q> {
     pins: Pins<D, C, L, E>,
@@ -26,6 +29,7 @@ where
     pub fn new(pins: Pins<D, C, L, E>, far_end: Q) -> Self {
         let mut chain = Self { pins, far_end, chips: None };
         chain.set_enabled(false);
+        chain.prime();
         chain.count();
         chain
     }
@@ -60,10 +64,12 @@ where
         self.pins.shift(lines);
     }
 
-    /// A pattern comes back after eight clocks a chip. It never reaches the latch.
-    fn count(&mut self) -> Option<u8> {
-        const PATTERN: u64 = 0b1010_0110;
+    fn prime(&mut self) {
         self.pins.shift_without_latch(PATTERN, || {});
+    }
+
+    /// The pattern comes back after eight clocks a chip.
+    fn count(&mut self) -> Option<u8> {
         let came = self.exchange(0);
         self.chips = (1..=8).find(|chips| came == PATTERN.rotate_right(8 * u32::from(*chips)));
         Some(self.chips.unwrap_or(0))

@@ -187,7 +187,8 @@ fn a_far_end_that_is_silent_at_the_start_is_asked_again_three_times_and_then_as_
     let mut solenoids = Solenoids::new(read_back(&chain, 0));
     let mut refreshes = |count: u8, chips, lines: u64| {
         chain.chips.set(chips);
-        (0..count).for_each(|_| (0..REFRESH_TICKS).for_each(|_| solenoids.apply(lines, lines != 0)));
+        // A tick for the pattern, and one for the begin.
+        (0..count).for_each(|_| (0..REFRESH_TICKS + 2).for_each(|_| solenoids.apply(lines, lines != 0)));
         assert_eq!(chain.latched.get(), lines, "no pattern reaches the outputs");
         solenoids.far_end()
     };
@@ -203,7 +204,7 @@ fn a_far_end_that_answers_late_is_compared_from_then_on() {
     let chain = Chain::default();
     let mut solenoids = Solenoids::new(read_back(&chain, 0));
     chain.chips.set(2);
-    (0..REFRESH_TICKS).for_each(|_| solenoids.apply(0, false));
+    (0..=REFRESH_TICKS).for_each(|_| solenoids.apply(0, false));
     assert_eq!(solenoids.far_end(), FarEnd::Chips(2));
     chain.chips.set(1);
     (0..=2 * REFRESH_TICKS).for_each(|_| solenoids.apply(0x5a, true));

@@ -233,6 +233,10 @@ impl Chain for BoardPins {
         self.chain.verify(lines)
     }
 
+    fn prime(&mut self) {
+        self.chain.prime();
+    }
+
     fn count(&mut self) -> Option<u8> {
         let chips = self.chain.count();
         note_chips(&self.chain);
