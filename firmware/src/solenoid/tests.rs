@@ -135,7 +135,8 @@ fn a_chain_that_loses_its_supply_while_no_line_is_high_shows_none_of_what_it_hol
     let mut solenoids = solenoids(&chain);
     for lines in [0b01, 0, 0b10] {
         if lines != 0 {
-            (chain.shifted.set(u64::MAX), chain.latched.set(u64::MAX));
+            chain.shifted.set(u64::MAX);
+            chain.latched.set(u64::MAX);
         }
         chain.shown.set(0);
         solenoids.apply(lines, lines != 0);
