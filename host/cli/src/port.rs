@@ -5,13 +5,16 @@ use std::os::unix::net::UnixStream;
 use std::time::{Duration, Instant};
 
 use darm_device::client::Client;
-use darm_device::client::stop::{StopHandle, hold, is_in_use};
+use darm_device::client::stop::{StopHandle, hold, holder_process, is_in_use};
 use darm_device::link::{self, Link, LinkError};
 
 use crate::state_folder;
 
 /// Time for a process that ends to let go of its port.
 const HANDOVER: Duration = Duration::from_secs(1);
+
+/// Characters of another process's command that are shown.
+const MAX_COMMAND: usize = 120;
 
 /// Port option.
 #[derive(clap::Args, Debug)]
@@ -28,11 +31,13 @@ pub(crate) enum PortError {
     #[error("no board found; plug one in, simulate one with `darm sim`, or name its port with --port")]
     None,
     /// Another process holds the port.
-    #[error(
-        "another `darm` holds {0}: a program that plays, a recording, a console or a live page; end it first. `darm stop` stops \
-         the arm past it"
-    )]
-    InUse(String),
+    #[error("{port} is in use by {holder}; end it first. `darm stop` stops the arm past it")]
+    InUse {
+        /// The port.
+        port: String,
+        /// What has it open.
+        holder: String,
+    },
     /// Several ports were found.
     #[error("several boards found ({}); choose one with --port or DARM_PORT", .0.join(", "))]
     Several(Vec<String>),
@@ -61,15 +66,37 @@ pub(crate) fn open(name: &str) -> Result<(Box<dyn Link>, StopHandle), LinkError>
 /// Opens a port that no other process holds: a second program that waited for the first would move the arm when nobody
 /// expects it.
 pub(crate) fn open_free(name: &str) -> anyhow::Result<(Box<dyn Link>, StopHandle)> {
-    let holder = state_folder::stop_socket(name);
     let since = Instant::now();
-    while holder.as_deref().is_some_and(is_in_use) {
+    while let Some(holder) = holder(name) {
         if since.elapsed() > HANDOVER {
-            return Err(PortError::InUse(name.to_owned()).into());
+            return Err(PortError::InUse { port: name.to_owned(), holder }.into());
         }
         std::thread::sleep(Duration::from_millis(50));
     }
     Ok(open(name)?)
+}
+
+/// What holds a port, for people: the command of another `darm`; `None` where no other `darm` does.
+pub(crate) fn holder(name: &str) -> Option<String> {
+    let socket = state_folder::stop_socket(name).filter(|socket| is_in_use(socket))?;
+    let command = holder_process(&socket).and_then(|process| command_of(process).map(|command| (process, command)));
+    Some(match command {
+        Some((process, command)) => format!("`{command}` (process {process})"),
+        None => "another `darm`".to_owned(),
+    })
+}
+
+/// The command that a process was started with, without the folder of its program and what follows a secret.
+fn command_of(process: u32) -> Option<String> {
+    let line = std::fs::read(format!("/proc/{process}/cmdline")).ok()?;
+    let words: Vec<_> = line.split(|&byte| byte == 0).map(String::from_utf8_lossy).collect();
+    let is_shown = |word: &&str| !word.starts_with("--token");
+    let words: Vec<&str> =
+        words.iter().map(AsRef::as_ref).filter(|word| !word.is_empty()).take_while(is_shown).collect();
+    let (program, arguments) = words.split_first()?;
+    let program = program.rsplit('/').next().unwrap_or(program);
+    let text = std::iter::once(program).chain(arguments.iter().copied()).collect::<Vec<_>>().join(" ");
+    Some(text.chars().filter(|c| !c.is_control()).take(MAX_COMMAND).collect())
 }
 
 /// Whether nothing is at the name of a port: no device, a link to a terminal that was closed, a socket of a program that ended.

@@ -15,7 +15,7 @@ use serde::Serialize;
 use super::{flash, status};
 use crate::failure::FailedChecks;
 use crate::firmware_image::{self, NoImage};
-use crate::port::{PortArgs, board_ports, emulated_port};
+use crate::port::{self, PortArgs, board_ports, emulated_port};
 use crate::ui::{Answer, Ui};
 
 const EXAMPLES: &str = "\
@@ -24,7 +24,7 @@ Examples:
   darm doctor -p unix:$HOME/.local/state/darm/board/port   # the same with the board at this port
   darm doctor --udev-rule > 60-darm.rules                  # the rule that opens boards to users
 
-The exit code is 1 if a check failed; what is only missing is no failure.";
+The exit code is 1 if a check failed; what is only missing, or in use by another `darm`, is no failure.";
 
 /// How a user who is not logged in at the computer itself gets permission to open serial ports.
 const DIALOUT: &str = "`sudo usermod -aG dialout $USER`, then log in again";
@@ -44,12 +44,14 @@ pub(crate) struct Doctor {
 
 /// Result of one check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
+#[serde(rename_all = "kebab-case")]
 enum State {
     /// Works.
     Good,
     /// Not present; some commands work without it.
     Missing,
+    /// Present, and not checked since another program uses it.
+    InUse,
     /// Present and does not work.
     Wrong,
 }
@@ -73,6 +75,13 @@ impl Check {
 
     fn wrong(name: &'static str, found: impl Into<String>, fix: impl Into<String>) -> Self {
         Self { name, state: State::Wrong, found: found.into(), fix: Some(fix.into()) }
+    }
+
+    /// A board that another `darm` talks to: it is not asked.
+    fn in_use(port: &str, holder: &str) -> Self {
+        let found = format!("{port} is in use by {holder}; the board was not asked");
+        let fix = Some("nothing is wrong; end that program to check the board".to_owned());
+        Self { name: "board", state: State::InUse, found, fix }
     }
 
     /// A port that does not open, or a connection that broke.
@@ -116,7 +125,7 @@ struct Report {
 fn permission_fix() -> String {
     match udev::check().state {
         State::Good => format!("plug the board in again; over SSH, where the udev rule gives no permission: {DIALOUT}"),
-        State::Missing | State::Wrong => format!("{}; over SSH instead: {DIALOUT}", udev::INSTALL),
+        State::Missing | State::InUse | State::Wrong => format!("{}; over SSH instead: {DIALOUT}", udev::INSTALL),
     }
 }
 
@@ -130,6 +139,7 @@ fn link_failure(error: &LinkError) -> (String, String) {
         LinkError::Busy { port } => {
             (format!("{port} is in use"), format!("close the other program (`fuser {port}` names it)"))
         }
+        LinkError::InUse { port, holder } => (format!("{port} is in use by {holder}"), "end that program".into()),
         LinkError::Refused { port } => (
             format!("no program listens on {port}"),
             "start the simulator (`darm sim ARM.toml`) or the serial server".into(),
@@ -168,6 +178,10 @@ impl Doctor {
     /// Queries the board, if there is a port.
     fn board(&self) -> Vec<Check> {
         let Ok(port) = self.port.name() else { return Vec::new() };
+        // Who asks past another program gets no answer, or takes that program's.
+        if let Some(holder) = port::holder(&port) {
+            return vec![Check::in_use(&port, &holder)];
+        }
         let client = match link::open(&port) {
             Ok(link) => Client::connect(link),
             Err(error) => return vec![Check::link_failed("board", &error)],
@@ -331,6 +345,7 @@ impl Answer for Report {
             let mark = match check.state {
                 State::Good => "good   ",
                 State::Missing => "missing",
+                State::InUse => "in use ",
                 State::Wrong => "WRONG  ",
             };
             lines.push(format!("{mark}  {:<10}  {}", check.name, check.found));

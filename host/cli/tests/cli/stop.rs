@@ -174,12 +174,26 @@ fn a_second_command_does_not_wait_to_move_the_arm() {
     for line in ["play", "status", "record long.darm -o run.csv"] {
         let (refused, took) = timed(&home, &format!("{line} {}", board.port));
         assert_eq!(refused.status.code(), Some(4), "{line}: {}", text(&refused.stderr));
-        assert!(text(&refused.stderr).starts_with("darm: another `darm` holds "), "{}", text(&refused.stderr));
+        let said = text(&refused.stderr);
+        let named = format!(" is in use by `darm play {}` (process {}); end it first", board.port, first.id());
+        assert!(said.contains(&named), "{said}");
         assert!(took < 2 * BOUND, "{line}: {took:?}");
     }
+    doctor_names_who_holds_the_port(&home, &board.port);
     home.succeeds(&format!("stop {}", board.port));
     first.wait_with_output().unwrap();
     assert_eq!(home.json(&format!("status {}", board.port))["phase"], "idle");
+}
+
+/// A board that another program uses is neither wrong nor waited for.
+fn doctor_names_who_holds_the_port(home: &Home, port: &str) {
+    let (doctor, took) = timed(home, &format!("--json doctor {port}"));
+    let report: serde_json::Value = serde_json::from_slice(&doctor.stdout).unwrap();
+    let board = report["checks"].as_array().unwrap().iter().find(|check| check["name"] == "board").unwrap();
+    assert_eq!(board["state"], "in-use", "{board}");
+    assert!(board["found"].as_str().unwrap().contains("is in use by `darm play "), "{board}");
+    assert_eq!(doctor.status.code(), Some(0), "{report}");
+    assert!(took < 2 * BOUND, "{took:?}");
 }
 
 /// A process that does not answer holds the port, as far as can be seen: the frame goes to the port itself.

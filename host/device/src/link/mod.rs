@@ -117,6 +117,14 @@ pub enum LinkError {
         /// The port as named by the user.
         port: String,
     },
+    /// Another `darm` holds the port.
+    #[error("{port} is in use by {holder}; end it first")]
+    InUse {
+        /// The port as named by the user.
+        port: String,
+        /// The program that has it open.
+        holder: String,
+    },
     /// Nobody listens on the socket.
     #[error("nobody listens on {port}; start the emulator or the serial server first")]
     Refused {

@@ -72,6 +72,11 @@ pub fn is_in_use(holder: &Path) -> bool {
     socket::is_served(holder)
 }
 
+/// Number of the process that holds the port whose socket this is; `None` if there is none, or the system does not say.
+pub fn holder_process(holder: &Path) -> Option<u32> {
+    socket::served_by(holder)
+}
+
 /// The stop's frame with this number.
 fn stop_frame(number: u16) -> Vec<u8> {
     let header = Header { tag: Request::Stop.tag(), link: 0, number };

@@ -62,6 +62,13 @@ pub(super) fn is_served(socket: &Path) -> bool {
     UnixStream::connect(socket).is_ok()
 }
 
+/// Number of the process that serves at `socket`; `None` if there is none, or the system does not say.
+pub(super) fn served_by(socket: &Path) -> Option<u32> {
+    let holder = UnixStream::connect(socket).ok()?;
+    let credentials = rustix::net::sockopt::socket_peercred(&holder).ok()?;
+    u32::try_from(credentials.pid.as_raw_nonzero().get()).ok()
+}
+
 fn answer(mut asker: UnixStream, handle: &StopHandle) -> std::io::Result<()> {
     asker.set_read_timeout(Some(HOLDER_BOUND))?;
     asker.set_write_timeout(Some(HOLDER_BOUND))?;
