@@ -76,6 +76,14 @@ pub(crate) fn open_free(name: &str) -> anyhow::Result<(Box<dyn Link>, StopHandle
     Ok(open(name)?)
 }
 
+/// Opens a port that no other process holds, now or not at all.
+pub(crate) fn open_at_once(name: &str) -> Result<(Box<dyn Link>, StopHandle), LinkError> {
+    match holder(name) {
+        Some(holder) => Err(LinkError::InUse { port: name.to_owned(), holder }),
+        None => open(name),
+    }
+}
+
 /// What holds a port, for people: the command of another `darm`; `None` where no other `darm` does.
 pub(crate) fn holder(name: &str) -> Option<String> {
     let socket = state_folder::stop_socket(name).filter(|socket| is_in_use(socket))?;

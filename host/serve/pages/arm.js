@@ -63,8 +63,37 @@ export class ArmPicture {
     for (const line of picture.lines) this.add(line);
     this.arm.add(this.ground(picture.is_planar));
     this.tool.position.set(...picture.tool.position_m);
+    this.showMarker();
     if (isFirst) this.frame(box, picture.is_planar);
     this.draw();
+  }
+
+  // The measured tool as a diamond; `null` where there is none. A change that nobody could see is not drawn.
+  setMeasured(tool) {
+    const [from, to] = [this.measured?.position_m, tool?.position_m];
+    const isSeen = !from || !to || Math.hypot(...to.map((value, axis) => value - from[axis])) > 2e-4 * (this.size ?? 0);
+    if ((!from && !to) || !isSeen) return;
+    this.measured = tool;
+    if (!this.picture) return;
+    this.showMarker();
+    this.draw();
+  }
+
+  showMarker() {
+    if (!this.measured) {
+      if (this.marker) this.marker.visible = false;
+      return;
+    }
+    if (!this.marker) {
+      const edges = new THREE.EdgesGeometry(new THREE.OctahedronGeometry(1));
+      this.marker = new THREE.LineSegments(edges, new THREE.LineBasicMaterial({ depthTest: false }));
+      this.marker.renderOrder = 2;
+      this.scene.add(this.marker);
+    }
+    this.marker.visible = true;
+    this.marker.material.color = this.materials.ring.color;
+    this.marker.scale.setScalar(0.03 * this.size);
+    this.marker.position.set(...this.measured.position_m);
   }
 
   add({ part, from_m, to_m }) {
@@ -139,5 +168,6 @@ export class ArmPicture {
     // Where the scene has the tool, in the base frame, m: for tests.
     const at = this.tool.getWorldPosition(new THREE.Vector3());
     this.canvas.dataset.tool = JSON.stringify([at.x, at.y, at.z]);
+    this.canvas.dataset.measured = JSON.stringify(this.marker?.visible ? this.marker.position.toArray() : null);
   }
 }

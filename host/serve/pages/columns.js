@@ -11,6 +11,8 @@ export class Columns {
     this.shown = null;
     this.isEdited = false;
     this.asking = null;
+    // Called when a file was looked into.
+    this.seen = () => {};
   }
 
   // Looks into a file; `null` where there is none.
@@ -19,6 +21,7 @@ export class Columns {
     byId('log').hidden = !file;
     byId('columns').replaceChildren();
     if (file) this.ask();
+    else this.seen();
   }
 
   // How the columns are read, where their names do not say it.
@@ -53,6 +56,7 @@ export class Columns {
   show(view) {
     const isFirst = this.shown === null;
     this.shown = view;
+    if (isFirst) this.seen();
     byId('log-details').hidden = false;
     const source = view.is_converted ? ', a recording of another program that is converted' : '';
     const kinds = view.possible.map((one) => `${one.kind} with ${one.model}`).join(', ');

@@ -2,7 +2,7 @@
 
 import { get, post } from './server.js';
 import { follow } from './frame.js';
-import { byId, make, save, seconds, setText, titleCells } from './format.js';
+import { byId, make, modelName, save, setText, short, titleCells } from './format.js';
 import { Columns } from './columns.js';
 import { Zoom } from './zoom.js';
 
@@ -90,13 +90,30 @@ async function showModels() {
   models = await get('/api/diagnosis/models', 10_000);
   const select = byId('known');
   const [before, isFirst] = [select.value, select.options.length === 1];
-  const label = ({ name, number, is_served: isServed, digest }) =>
-    `${name}${number === null ? '' : `, model ${number}`}${isServed ? ' (arm of this server)' : ` (${digest.slice(0, 8)})`}`;
+  const label = (model) => `${modelName(model)}, ${short(model.digest)}${model.is_served ? ' (arm of this server)' : ''}`;
   select.replaceChildren(select.options[0], ...models.map((model) => make('option', { value: model.digest }, label(model))));
   const served = models.find((model) => model.is_served);
   select.value = isFirst && served && !byId('model').files.length ? served.digest : before;
+  offerRecorded();
   showFiles();
 }
+
+// The model whose table was recorded, where the measurements name it: it is chosen, unless a person has chosen a file.
+function offerRecorded() {
+  const recorded = columns.shown?.model ?? null;
+  const note = byId('recorded');
+  note.hidden = !recorded;
+  if (!recorded) return;
+  const model = models.find((one) => one.digest === recorded);
+  const isFile = byId('model').files.length > 0;
+  if (model && !isFile) byId('known').value = recorded;
+  const chosen = isFile ? 'A file is chosen above' : 'It is chosen above';
+  setText(note, model ? `Recorded with a table of ${modelName(model)}, ${short(recorded)}. ${chosen}.`
+    : `Recorded with a table of model ${short(recorded)}, which this server does not have: choose its file, or a model of the same arm with other effects.`);
+  showFiles();
+}
+
+columns.seen = offerRecorded;
 
 // ---------------------------------------------------------------- the diagnosis
 
@@ -177,22 +194,17 @@ function show(shown) {
   setText(byId('actions-note'), '');
 }
 
-// The table for the board of this server, and its visit file for `darm record`.
+// The table for the board of this server: it is open on the page Program, where its files can be saved too.
 async function makeTable(button, of) {
   setText(byId('actions-note'), 'Making the table …');
   button.disabled = true;
   try {
-    const made = await post('/api/diagnosis/table', { result: result.number, of });
-    const bytes = Uint8Array.from(made.table.match(/../g), (digits) => parseInt(digits, 16));
-    save(made.name, bytes, 'application/octet-stream');
-    save(made.visits_name, made.visits, 'text/csv');
-    byId('actions-note').replaceChildren(
-      `Wrote ${made.name} and ${made.visits_name} to the downloads of this browser: ${made.n_visits} visits in ${seconds(made.end_s)}. The table is open on the page `,
-      make('a', { href: '/program' }, 'Program'), '; upload it there, then record it with ', make('code', {}, `darm record ${made.name}`), '.');
+    await post('/api/diagnosis/table', { result: result.number, of }, { timeoutMs: 60_000 });
+    location.assign('/program');
   } catch (error) {
     setText(byId('actions-note'), error.message);
+    button.disabled = false;
   }
-  button.disabled = false;
 }
 
 function headingOf(element) {

@@ -5,6 +5,12 @@ const fixed = (value, decimals) => value.toFixed(decimals).replace(/^-(?=[0.]+$)
 
 export const mm = (m) => `${fixed(1e3 * m, 1)} mm`;
 export const degrees = (rad) => `${fixed((180 / Math.PI) * rad, 2)}°`;
+// A pose with the names of its axes: x, y and the angle in the plane, else with a rotation vector.
+export function poseText({ position_m: position, rotation_rad: rotation }, isPlanar) {
+  const place = position.slice(0, isPlanar ? 2 : 3).map((m, axis) => `${'xyz'[axis]} ${mm(m)}`).join(', ');
+  return isPlanar ? `${place}, angle ${degrees(rotation[2])}` : `${place}; rotation ${rotation.map((rad, axis) => `${'xyz'[axis]} ${degrees(rad)}`).join(', ')}`;
+}
+
 export const percent = (share) => `${(100 * share).toFixed(0)} %`;
 
 export function seconds(s) {
@@ -13,6 +19,8 @@ export function seconds(s) {
 }
 
 export const short = (digest) => (digest ? digest.slice(0, 16) : 'none');
+// A model by its file and number; its digest tells apart two of one name.
+export const modelName = ({ name, number }) => (number === null ? name : `${name}, model ${number}`);
 export const byId = (id) => document.getElementById(id);
 
 // Writes only what differs: twenty times a second, and a screen reader hears no repetition.

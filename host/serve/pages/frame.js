@@ -8,10 +8,11 @@ const KEY = 'darm-control-key';
 const SERVER_LOST_MS = 1000;
 const RENEW_MS = 1000;
 
-// Control moves to the next page of this tab with a click on a link, and to no other tab.
-const control = { key: sessionStorage.getItem(KEY), page: null };
-sessionStorage.removeItem(KEY);
-let isMovingOn = false;
+// The storage of the tab has the key of its last page. A page that is left says so; the next one resumes within 2 s under a
+// new key, so that no duplicate of the tab has it. Otherwise the server takes control away, and what was switched by hand goes off.
+const control = { key: null };
+const RESUME_TRIES = 5;
+const RESUME_MS = 150;
 let lastAnswer = performance.now();
 let last = null;
 
@@ -69,25 +70,49 @@ export async function order(path, body) {
     return null;
   } catch (error) {
     showAlert(error.message);
-    if (error instanceof Refusal && error.kind === 'control') control.key = null;
+    if (error instanceof Refusal && error.kind === 'control') setKey(null);
     return error;
   }
 }
 
 // ---------------------------------------------------------------- control
 
+function setKey(key) {
+  control.key = key;
+  if (key) sessionStorage.setItem(KEY, key);
+  else sessionStorage.removeItem(KEY);
+}
+
+// Resumes the control of the page before, if this tab had it.
+async function resume() {
+  const before = sessionStorage.getItem(KEY);
+  control.key = null;
+  if (!before) return;
+  for (let tries = 0; tries < RESUME_TRIES; tries += 1) {
+    try {
+      setKey((await post('/api/control', { do: 'resume' }, { key: before, timeoutMs: 2000 })).key);
+      showControl();
+      return;
+    } catch {
+      // That the page before is left may arrive after this request.
+      await new Promise((wake) => setTimeout(wake, RESUME_MS));
+    }
+  }
+  // A person may have taken control meanwhile.
+  if (!control.key) setKey(null);
+}
+
 async function takeOrRelease() {
   showAlert(null);
   try {
     if (hasControl()) {
       await post('/api/control', { do: 'release' }, { key: control.key });
-      control.key = null;
+      setKey(null);
     } else {
-      const granted = await post('/api/control', { do: 'take' });
-      [control.key, control.page] = [granted.key, granted.page];
+      setKey((await post('/api/control', { do: 'take' })).key);
     }
   } catch (error) {
-    control.key = null;
+    setKey(null);
     showAlert(error.message);
   }
   showControl();
@@ -99,7 +124,7 @@ async function renew() {
     await post('/api/control', { do: 'renew' }, { key: control.key, timeoutMs: 2000 });
   } catch (error) {
     if (error.kind === 'control') {
-      control.key = null;
+      setKey(null);
       showAlert('This page has lost control.');
       showControl();
     }
@@ -121,18 +146,12 @@ function showControl() {
 
 byId('take').addEventListener('click', takeOrRelease);
 setInterval(renew, RENEW_MS);
-for (const link of document.querySelectorAll('nav a')) {
-  link.addEventListener('click', (event) => {
-    if (event.ctrlKey || event.metaKey || event.shiftKey || !hasControl()) return;
-    isMovingOn = true;
-    sessionStorage.setItem(KEY, control.key);
-  });
-}
-// A page that the browser kept for "back" moves on no longer.
-window.addEventListener('pageshow', () => { isMovingOn = false; });
 window.addEventListener('pagehide', () => {
-  if (hasControl() && !isMovingOn) post('/api/control', { do: 'leave' }, { key: control.key, keepalive: true });
+  if (hasControl()) post('/api/control', { do: 'leave' }, { key: control.key, keepalive: true }).catch(() => {});
 });
+// A page that the browser has kept for "back" is left and comes back.
+window.addEventListener('pageshow', (event) => { if (event.persisted) resume(); });
+resume();
 
 // ---------------------------------------------------------------- what is live
 

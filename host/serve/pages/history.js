@@ -2,7 +2,7 @@
 
 import { get, getBytes } from './server.js';
 import { follow } from './frame.js';
-import { byId, make, save, seconds, setText, short, titleCells } from './format.js';
+import { byId, make, modelName, save, seconds, setText, short, titleCells } from './format.js';
 
 const when = (ms) => (ms === null ? '–' : new Date(ms).toLocaleString('sv'));
 const OUTCOMES = { running: '… running', finished: '✓ finished', stopped: '■ stopped', fault: '✕ fault', unknown: '? end not seen' };
@@ -11,7 +11,20 @@ let shown = null;
 
 // ---------------------------------------------------------------- parts
 
-const digest = (text) => (text ? make('code', { title: text }, short(text).slice(0, 12)) : 'none');
+const digest = (text) => (text ? make('code', { title: text }, short(text)) : 'none');
+
+// A model by file, number and digest, where the history has it.
+function model(text) {
+  const known = shown.models.find((one) => one.digest === text);
+  return known ? [`${modelName(known)} `, digest(text)] : digest(text);
+}
+
+// Two models may have files of one name.
+function fileName(one) {
+  const name = one.name.endsWith('.toml') ? one.name : `${one.name}.toml`;
+  const isAlone = shown.models.filter((other) => other.name === one.name).length === 1;
+  return isAlone ? name : name.replace(/\.toml$/, `-${short(one.digest)}.toml`);
+}
 
 // Rows of a table; on a narrow page each is a card that repeats the titles.
 function fill(id, rows, none) {
@@ -51,7 +64,7 @@ const download = (path, name, type) => attempt(async () => {
 function showRuns(runs) {
   fill('runs', runs.map((run) => [
     when(run.started_ms), run.ended_ms === null ? '–' : seconds(1e-3 * (run.ended_ms - run.started_ms)),
-    OUTCOMES[run.outcome] + (run.cause ? `: ${run.cause}` : ''), String(run.rows), digest(run.table), digest(run.model),
+    OUTCOMES[run.outcome] + (run.cause ? `: ${run.cause}` : ''), String(run.rows), digest(run.table), model(run.model),
     `${run.board} ${run.device}`, button('Events', `Events of run ${run.id}`, () => showEvents(run)),
   ]), 'No table was played yet.');
 }
@@ -67,8 +80,8 @@ const showEvents = (run) => attempt(async () => {
 
 function showDiagnoses(diagnoses) {
   fill('diagnoses', diagnoses.map((diagnosis) => [
-    when(diagnosis.at_ms), digest(diagnosis.model), [diagnosis.data_name, ' ', digest(diagnosis.data_digest)],
-    make('span', { className: 'wide' }, make('b', {}, diagnosis.verdict), ` ${diagnosis.summary}`), digest(diagnosis.corrected),
+    when(diagnosis.at_ms), model(diagnosis.model), [diagnosis.data_name, ' ', digest(diagnosis.data_digest)],
+    make('span', { className: 'wide' }, make('b', {}, diagnosis.verdict), ` ${diagnosis.summary}`), model(diagnosis.corrected),
     button('JSON', `JSON of diagnosis ${diagnosis.id}`, () =>
       download(`/api/history/diagnosis?id=${diagnosis.id}`, `diagnosis-${diagnosis.id}.json`, 'application/json')),
   ]), 'Nothing was diagnosed yet.');
@@ -76,7 +89,7 @@ function showDiagnoses(diagnoses) {
 
 function showTables(tables) {
   fill('tables', tables.map((table) => [
-    when(table.seen_ms), table.name, digest(table.digest), digest(table.model), String(table.rows), seconds(table.end_s),
+    when(table.seen_ms), table.name, digest(table.digest), model(table.model), String(table.rows), seconds(table.end_s),
     button('.darm', `.darm of table ${table.name} ${short(table.digest)}`, () =>
       download(`/api/history/table?digest=${table.digest}`, table.name, 'application/octet-stream')),
   ]), 'No table was brought to a board yet.');
@@ -84,7 +97,7 @@ function showTables(tables) {
 
 function showUploads(uploads) {
   fill('uploads', uploads.map((upload) => [
-    when(upload.at_ms), upload.name, digest(upload.table), digest(upload.model), `${upload.board} ${upload.device}`,
+    when(upload.at_ms), upload.name, digest(upload.table), model(upload.model), `${upload.board} ${upload.device}`,
   ]), 'No table was uploaded yet.');
 }
 
@@ -92,20 +105,20 @@ function showUploads(uploads) {
 function showModels(models, runs, diagnoses) {
   const known = new Set(models.map((model) => model.digest));
   const roots = models.filter((model) => !known.has(model.parent));
-  const item = (model, above) => {
-    const [n_runs, n_diagnoses] = [runs, diagnoses].map((entries) => entries.filter((entry) => entry.model === model.digest).length);
-    const children = models.filter((other) => other.parent === model.digest && !above.includes(other.digest));
-    const file = button('.toml', `.toml of model ${model.number ?? ''} ${short(model.digest)}`, () => attempt(async () => {
-      const name = model.name.endsWith('.toml') ? model.name : `${model.name}.toml`;
-      save(name, await get(`/api/history/model?digest=${model.digest}`), 'application/toml');
-      wrote(name);
+  const item = (one, above) => {
+    const count = (entries, what) => `${entries.filter((entry) => entry.model === one.digest).length} ${what}`;
+    const children = models.filter((other) => other.parent === one.digest && !above.includes(other.digest));
+    const made = diagnoses.find((diagnosis) => diagnosis.corrected === one.digest);
+    const file = button('.toml', `File of ${modelName(one)}, ${short(one.digest)}`, () => attempt(async () => {
+      save(fileName(one), await get(`/api/history/model?digest=${one.digest}`), 'application/toml');
+      wrote(fileName(one));
     }));
-    file.hidden = !model.has_file;
-    const list = children.length ? [make('ul', {}, ...children.map((child) => item(child, [...above, model.digest])))] : [];
-    return make('li', {}, make('b', {}, model.number === null ? 'model' : `model ${model.number}`), ` ${model.name} `, digest(model.digest),
-      ` since ${when(model.seen_ms)}, ${n_runs} runs, ${n_diagnoses} diagnoses `, file, ...list);
+    file.hidden = !one.has_file;
+    const list = children.length ? [make('ul', {}, ...children.map((child) => item(child, [...above, one.digest])))] : [];
+    return make('li', {}, make('b', {}, modelName(one)), ' ', digest(one.digest), made ? ` corrected after ${made.data_name}` : '',
+      ` since ${when(one.seen_ms)}, ${count(runs, 'runs')}, ${count(diagnoses, 'diagnoses')} `, file, ...list);
   };
-  const list = make('ul', { className: 'lineage' }, ...roots.map((model) => item(model, [])));
+  const list = make('ul', { className: 'lineage' }, ...roots.map((root) => item(root, [])));
   byId('lineage').replaceChildren(models.length ? list : make('p', {}, 'No model was seen yet.'));
 }
 

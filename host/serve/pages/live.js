@@ -2,7 +2,8 @@
 
 import { get } from './server.js';
 import { follow, hasControl, onLive, order } from './frame.js';
-import { byId, degrees, make, mm, percent, seconds, setFacts, setText, short } from './format.js';
+import { byId, degrees, make, percent, poseText, seconds, setFacts, setText, short } from './format.js';
+import { showMeasured } from './measured.js';
 
 const PHASES = {
   idle: 'Idle: no output carries current',
@@ -14,6 +15,7 @@ const PHASES = {
 
 let arm = null;
 let picture = null;
+let predicted = null;
 let hasPicture = false;
 let shownPicture = -1;
 let lastEvent = '';
@@ -33,6 +35,7 @@ async function startPicture() {
   try {
     picture = new arms.ArmPicture(byId('arm'));
     shownPicture = -1;
+    byId('seen-legend').hidden = !live?.measured;
   } catch {
     byId('arm').parentElement.hidden = true;
     setText(byId('picture-note'), 'The picture needs WebGL, which this browser does not offer. The tables have all values.');
@@ -50,11 +53,8 @@ async function fetchPicture(number) {
     return;
   }
   picture?.show(shown);
-  const [x, y, z] = shown.tool.position_m;
-  const [rx, ry, rz] = shown.tool.rotation_rad;
-  const place = shown.is_planar
-    ? `${mm(x)}, ${mm(y)}, ${degrees(rz)}`
-    : `${mm(x)}, ${mm(y)}, ${mm(z)}; rotation ${[rx, ry, rz].map(degrees).join(', ')}`;
+  predicted = shown.tool;
+  const place = poseText(shown.tool, shown.is_planar);
   setText(byId('tool'), `Predicted tool pose: ${place}`);
   byId('arm').setAttribute('aria-label', `${shown.name}, word ${shown.word}, tool at ${place}`);
 }
@@ -202,7 +202,9 @@ function show(now) {
   live = now;
   // After this state is shown.
   if (!hasPicture) setTimeout(startPicture);
-  const { board } = live;
+  const { board, measured } = live;
+  showMeasured(measured, predicted, arm?.is_planar);
+  picture?.setMeasured(measured?.tool ?? null);
   if (live.picture !== shownPicture) fetchPicture(live.picture).catch(() => { shownPicture = -1; });
   if (!board) return;
   showPhase(board);
@@ -222,6 +224,7 @@ onLive(show);
 async function fetchArm() {
   try {
     arm = await get('/api/arm');
+    if (arm) setText(byId('arm-file'), `${arm.file}, model ${arm.number}, ${short(arm.model)}`);
   } catch {
     setTimeout(fetchArm, 500);
   }

@@ -1,14 +1,15 @@
 // The page of the program: opens a table, shows when each output is on and what is refused, uploads and plays it.
 
-import { get, post } from './server.js';
+import { get, getBytes, post } from './server.js';
 import { follow, hasControl, onLive, order, showAlert } from './frame.js';
-import { byId, degrees, make, seconds, setFacts, setText, short } from './format.js';
+import { byId, degrees, make, save, seconds, setFacts, setText, short } from './format.js';
 import { TimeLine } from './timeline.js';
 
 const timeline = new TimeLine(byId('timeline'));
 let program = null;
 let shown = -1;
 let isUploading = false;
+let names = [];
 let live = null;
 
 async function open(file) {
@@ -56,7 +57,7 @@ function showProgram(refusal) {
   byId('timeline-section').hidden = byId('rows-section').hidden = !program;
   if (!program) return;
   showRefusal(refusal);
-  timeline.show({ ...program, refusal });
+  timeline.show({ ...program, refusal }, names);
   const table = byId('rows').closest('table');
   table.classList.toggle('no-servos', program.rows.every((row) => row.servos_rad.length === 0));
   table.classList.toggle('no-refusal', refusal?.row === undefined || refusal.row === null);
@@ -77,9 +78,32 @@ function showProgram(refusal) {
   ]);
 }
 
+// A table that was made after a diagnosis: what it is for, and its two files for `darm record`.
+function showOrigin() {
+  const origin = program?.origin ?? null;
+  byId('origin').hidden = !origin;
+  if (!origin) return;
+  setText(byId('origin-text'), `Made with model ${origin.model} after the diagnosis of ${origin.diagnosed}: ${origin.n_visits} visits in ${seconds(program.end_s)}. `
+    + 'Upload and play it here to see it, or measure it: save both files, end darm serve, which has the port, and run');
+  setText(byId('origin-command'), `darm upload ${program.name} && darm record ${program.name} -o run-${origin.model}.csv`);
+}
+
+async function saveFile(part, name, type) {
+  try {
+    save(name, await getBytes(`/api/program/${part}`), type);
+    setText(byId('saved'), `Wrote ${name} to the downloads of this browser.`);
+  } catch (error) {
+    showAlert(error.message);
+  }
+}
+
+byId('save-table').addEventListener('click', () => saveFile('table', program.name, 'application/octet-stream'));
+byId('save-visits').addEventListener('click', () => saveFile('visits', program.origin.visits_name, 'text/csv'));
+
 async function fetchProgram(number) {
   shown = number;
   program = await get('/api/program');
+  showOrigin();
   showProgram(program?.refusal ?? null);
 }
 
@@ -127,6 +151,17 @@ function show(now) {
   timeline.setTime(isLoaded && board.phase.name === 'playing' && live.link.state === 'live' ? board.phase.since_s : null);
 }
 
+// Names of the actuators; without an arm there are none.
+async function fetchNames() {
+  try {
+    names = (await get('/api/arm'))?.actuators.map((actuator) => actuator.name) ?? [];
+    if (program) showProgram(program.refusal);
+  } catch {
+    setTimeout(fetchNames, 500);
+  }
+}
+
 onLive(show);
+fetchNames();
 window.addEventListener('resize', () => program && showProgram(program.refusal));
 follow();

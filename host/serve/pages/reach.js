@@ -2,7 +2,7 @@
 
 import { get, post } from './server.js';
 import { follow, onLive, order } from './frame.js';
-import { byId, degrees, make, percent, seconds, setFacts, setText } from './format.js';
+import { byId, degrees, make, percent, poseText, seconds, setFacts, setText, titleCells } from './format.js';
 import { DensityPlot } from './density.js';
 
 const STAGES = { start: 'starting', index: 'forming the index of the frames', words: 'searching the words', servos: 'searching words and servo angles', map: 'forming the density map' };
@@ -151,7 +151,7 @@ const search = new Latest(async (signal) => {
     servos_rad: servos(), optimise_servos: byId('optimise').value === 'free', from: now(),
   };
   try {
-    showFound(await post('/api/reach/nearest', request, { signal }));
+    showFound(await post('/api/reach/nearest', request, { signal }), request.target);
   } catch (error) {
     if (!signal.aborted) showFailure(error.message);
   }
@@ -162,13 +162,18 @@ function showFailure(text) {
   setText(byId('target-note'), text ?? '');
 }
 
-function showFound(answer) {
+// Error of the reached tool along each axis of the base, mm.
+function byAxis(tool, wanted) {
+  const axes = NAMES.slice(0, isPlanar() ? 2 : 3);
+  return axes.map((name, axis) => `${name} ${(1e3 * (tool.position_m[axis] - wanted.position_m[axis])).toFixed(3)}`).join(', ');
+}
+
+function showFound(answer, wanted) {
   const isOther = found?.word !== answer.word || found.switches !== answer.switches;
   found = answer;
   showFailure(null);
   picture?.show(found.picture);
   setText(byId('word'), found.word);
-  const [x, y, z] = found.tool.position_m;
   const words = `${found.words.toLocaleString('en')} words`;
   const bound = found.lower_bound_m > 0 ? exact(found.lower_bound_m) : '0 mm';
   const limited = byId('optimise').value === 'free' ? `none of ${words} is closer than ${bound} at any angles`
@@ -177,10 +182,10 @@ function showFound(answer) {
   const effects = found.with_effects ? [['with the effects of the model', `${exact(found.with_effects[0])}, ${degrees(found.with_effects[1])}`]] : [];
   setFacts(byId('facts'), [
     ['distance', `${exact(found.distance_m)}, ${proof}`],
-    ['position error', exact(found.error_m)],
+    ['position error', `${exact(found.error_m)} (${byAxis(found.tool, wanted)} mm)`],
     ['orientation error', degrees(found.error_rad)],
     ...effects,
-    ['tool by the geometry', [x, y, ...(isPlanar() ? [] : [z])].map((m) => `${(1e3 * m).toFixed(1)}`).join(', ') + ' mm'],
+    ['tool by the geometry', poseText(found.tool, isPlanar())],
     ...(found.servos_rad.length ? [['servos', found.servos_rad.map(degrees).join(', ')]] : []),
     ['switches', `${found.switches} actuators from the word now`],
     ['search', seconds(found.took_s)],
@@ -259,6 +264,8 @@ function showOrder({ at_once, rests: shown }) {
     return make('tr', {}, make('td', { className: 'num' }, String(step)), make('td', {}, make('code', {}, word)),
       make('td', { className: 'num' }, place), make('td', { className: 'num' }, (1e3 * deviation_m).toFixed(1)));
   }));
+  setText(byId('rests-at'), `Tool at ${isPlanar() ? 'x, y' : 'x, y, z'}, mm`);
+  titleCells(byId('rests').closest('table'));
   picture?.setRests(rests.map(({ position_m }) => position_m));
 }
 

@@ -3,8 +3,11 @@
 import { seconds } from './format.js';
 
 const SVG = 'http://www.w3.org/2000/svg';
-const LANE = 22;
-const LEFT = 96;
+// Height of a lane, and of the name in it: beside its bars, or above them on a narrow page.
+const WIDE = { lane: 22, name: 15, bar: 4, left: 250, right: 30, ticks: 8 };
+const NARROW = { lane: 40, name: 14, bar: 20, left: 6, right: 22, ticks: 4 };
+const NARROW_PX = 640;
+const BAR = 13;
 const TOP = 26;
 
 function draw(tag, attributes, text) {
@@ -14,9 +17,9 @@ function draw(tag, attributes, text) {
   return element;
 }
 
-// Round steps, about eight of them.
-function steps(end) {
-  const rough = end / 8;
+// Round steps, about so many of them.
+function steps(end, count) {
+  const rough = end / count;
   const power = 10 ** Math.floor(Math.log10(rough));
   const step = power * ([1, 2, 5, 10].find((factor) => factor * power >= rough) ?? 10);
   const decimals = Math.max(0, -Math.floor(Math.log10(step)));
@@ -28,14 +31,18 @@ export class TimeLine {
     this.place = place;
   }
 
-  show(program) {
+  // `names` are those of the actuators, as far as they are known.
+  show(program, names = []) {
     this.program = program;
+    this.names = names;
     const { lanes, rows, end_s: end, refusal } = program;
-    this.width = Math.max(640, this.place.parentElement.clientWidth - 8);
-    this.height = TOP + LANE * lanes.length + 8;
+    const room = this.place.parentElement.clientWidth;
+    this.size = room < NARROW_PX ? NARROW : WIDE;
+    this.width = Math.max(280, room - 8);
+    this.height = TOP + this.size.lane * lanes.length + 8;
     const svg = draw('svg', { viewBox: `0 0 ${this.width} ${this.height}`, width: this.width, height: this.height, role: 'img' });
     svg.append(draw('title', {}, `${lanes.length} outputs over ${seconds(end)}; the table of rows below has the same data`));
-    for (const [at, text] of end > 0 ? steps(end) : []) {
+    for (const [at, text] of end > 0 ? steps(end, this.size.ticks) : []) {
       svg.append(draw('line', { class: 'grid', x1: this.x(at), x2: this.x(at), y1: TOP - 6, y2: this.height }));
       svg.append(draw('text', { class: 'tick', x: this.x(at), y: TOP - 10, 'text-anchor': 'middle' }, `${text} s`));
     }
@@ -50,19 +57,27 @@ export class TimeLine {
   }
 
   x(at) {
-    return LEFT + ((this.width - LEFT - 30) * at) / (this.program.end_s || 1);
+    const { left, right } = this.size;
+    return left + ((this.width - left - right) * at) / (this.program.end_s || 1);
+  }
+
+  // Output, actuator and its name.
+  label({ output, actuator }) {
+    const name = this.names[actuator];
+    return `output ${output} · actuator ${actuator}${name ? `: ${name}` : ''}`;
   }
 
   lane(lane, index, refusal) {
-    const y = TOP + LANE * index;
+    const { lane: height, name, bar, left, right } = this.size;
+    const y = TOP + height * index;
     const isCause = refusal && refusal.output === lane.output;
-    const parts = [draw('text', { class: isCause ? 'name cause' : 'name', x: 4, y: y + 15 }, `output ${lane.output}`)];
-    parts.push(draw('line', { class: 'grid', x1: LEFT, x2: this.width - 30, y1: y + LANE - 1, y2: y + LANE - 1 }));
+    const parts = [draw('text', { class: isCause ? 'name cause' : 'name', x: 4, y: y + name }, this.label(lane))];
+    parts.push(draw('line', { class: 'grid', x1: left, x2: this.width - right, y1: y + height - 1, y2: y + height - 1 }));
     for (const [from, to] of lane.spans_s) {
       const width = Math.max(1, this.x(to) - this.x(from));
-      const bar = draw('rect', { class: `span ${lane.drive}${isCause ? ' cause' : ''}`, x: this.x(from), y: y + 4, width, height: LANE - 9, rx: 2 });
-      bar.append(draw('title', {}, `output ${lane.output}, actuator ${lane.actuator}: on from ${seconds(from)} to ${seconds(to)}`));
-      parts.push(bar);
+      const span = draw('rect', { class: `span ${lane.drive}${isCause ? ' cause' : ''}`, x: this.x(from), y: y + bar, width, height: BAR, rx: 2 });
+      span.append(draw('title', {}, `${this.label(lane)}: on from ${seconds(from)} to ${seconds(to)}`));
+      parts.push(span);
     }
     return parts;
   }

@@ -6,8 +6,9 @@
 //! | `GET /api/arm`      | no            | names of actuators and servos                                           |
 //! | `GET /api/picture`  | no            | the arm as lines                                                        |
 //! | `GET /api/program`  | no            | the opened table                                                        |
+//! | `GET /api/program/table`, `/visits` | no | the file of the opened table, and its visit file             |
 //! | `POST /api/stop`    | no            | switches all outputs off, past everything else                          |
-//! | `POST /api/control` | no            | takes, renews or releases control, or leaves with it                    |
+//! | `POST /api/control` | no            | takes, renews or releases control, leaves a page with it, resumes it on the next |
 //! | `POST /api/open`    | no            | opens a table file: its bytes; nothing is sent to the board             |
 //! | `POST /api/upload`  | yes           | brings the opened table to the board                                    |
 //! | `POST /api/command` | yes           | plays, clears the safe state, switches an output, a word or a servo     |
@@ -20,7 +21,7 @@ use std::time::{Duration, Instant};
 use axum::Json;
 use axum::body::Bytes;
 use axum::extract::{Query, State};
-use axum::http::{HeaderMap, StatusCode};
+use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use darm_arm::table_file::digest;
 use darm_core::sequencer::Command;
@@ -68,7 +69,12 @@ pub(crate) async fn live(State(hub): Shared, Query(After { after }): Query<After
 #[derive(Serialize)]
 struct ArmView<'a> {
     name: &'a str,
+    /// Its file, as it was given to `darm serve`.
+    file: &'a str,
+    /// Its digest.
     model: String,
+    /// Number of the model.
+    number: u32,
     is_planar: bool,
     actuators: Vec<ActuatorName>,
     servos: Vec<ServoName>,
@@ -100,7 +106,9 @@ pub(crate) async fn arm(State(hub): Shared) -> Response {
         };
         ArmView {
             name: &arm.name,
+            file: hub.arm_file().unwrap_or_default(),
             model: arm.hash().to_string(),
+            number: arm.model.number,
             is_planar: chain.is_planar(),
             actuators: (0..arm.n_actuators()).map(actuator).collect(),
             servos: arm.servos.iter().enumerate().map(servo).collect(),
@@ -120,6 +128,22 @@ pub(crate) async fn picture(State(hub): Shared) -> Response {
 
 pub(crate) async fn program(State(hub): Shared) -> Response {
     Json(hub.program().as_ref().map(|program| &program.view)).into_response()
+}
+
+/// The file of the opened table.
+pub(crate) async fn table_file(State(hub): Shared) -> Result<Response, Refused> {
+    let program = hub.program().ok_or_else(no_table)?;
+    Ok(([(header::CONTENT_TYPE, "application/octet-stream")], program.bytes.clone()).into_response())
+}
+
+/// The visit file of the opened table.
+pub(crate) async fn visit_file(State(hub): Shared) -> Result<Response, Refused> {
+    let visits = hub.program().and_then(|program| program.visits.clone()).ok_or_else(no_table)?;
+    Ok(([(header::CONTENT_TYPE, "text/csv; charset=utf-8")], visits).into_response())
+}
+
+fn no_table() -> Refused {
+    Refused::new(Kind::Invalid, "no such file is open; open the page again")
 }
 
 #[derive(Serialize)]
@@ -145,6 +169,7 @@ pub(crate) async fn stop(State(hub): Shared) -> Answer<Stopped> {
 pub(crate) enum ControlRequest {
     Take,
     Renew,
+    Resume,
     Release,
     Leave,
 }
@@ -172,12 +197,18 @@ pub(crate) async fn control(
             hub.control(|control, now| control.renew(now, key))?;
             Ok(granted(None, None))
         }
-        ControlRequest::Release | ControlRequest::Leave => {
+        ControlRequest::Resume => {
             let key = key(&headers)?;
-            hub.control(|control, _| {
-                match request {
-                    ControlRequest::Leave => control.leave(key),
-                    _ => control.release(key),
+            let grant = hub.control(|control, now| control.resume(now, key, rand::random()))?;
+            Ok(granted(Some(grant.page), Some(format!("{:016x}", grant.key))))
+        }
+        ControlRequest::Release | ControlRequest::Leave => {
+            let (key, is_leaving) = (key(&headers)?, matches!(request, ControlRequest::Leave));
+            hub.control(|control, now| {
+                if is_leaving {
+                    control.leave(now, key)
+                } else {
+                    control.release(key)
                 }
                 Ok(())
             })?;

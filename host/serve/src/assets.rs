@@ -26,13 +26,14 @@ macro_rules! asset {
 }
 
 /// All of them.
-pub const ASSETS: [Asset; 21] = [
+pub const ASSETS: [Asset; 22] = [
     asset!("/style.css", "text/css; charset=utf-8", "../pages/style.css"),
     asset!("/icon.svg", "image/svg+xml", "../pages/icon.svg"),
     asset!("/server.js", SCRIPT, "../pages/server.js"),
     asset!("/frame.js", SCRIPT, "../pages/frame.js"),
     asset!("/format.js", SCRIPT, "../pages/format.js"),
     asset!("/live.js", SCRIPT, "../pages/live.js"),
+    asset!("/measured.js", SCRIPT, "../pages/measured.js"),
     asset!("/arm.js", SCRIPT, "../pages/arm.js"),
     asset!("/program.js", SCRIPT, "../pages/program.js"),
     asset!("/timeline.js", SCRIPT, "../pages/timeline.js"),

@@ -6,7 +6,7 @@
 //! | `GET /api/diagnosis/result`| the last result; `null` before the first                                          |
 //! | `GET /api/diagnosis/models`| models that need not be sent                                                      |
 //! | `POST /api/diagnosis/log`  | what the measurements of an [`Upload`] have, and how they are read                |
-//! | `POST /api/diagnosis/table`| makes and opens the table of the next measurement                                 |
+//! | `POST /api/diagnosis/table`| makes and opens the table of the next measurement, with its visit file            |
 //! | `POST /api/diagnosis/run`  | diagnoses an [`Upload`]; the answer is the result. Without its page it is given up |
 
 mod folder;
@@ -20,8 +20,7 @@ mod view;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use axum::body::Bytes;
-use axum::extract::{DefaultBodyLimit, State};
+use axum::extract::{DefaultBodyLimit, FromRef, State};
 use axum::routing::{get, post};
 use axum::{Json, Router};
 use darm_diagnose::correction::Keep;
@@ -33,6 +32,7 @@ use crate::hub::Hub;
 use crate::refusal::{Kind, Refused};
 use crate::turn::Turn;
 use crate::upload::{MAX_FILES, Upload};
+use crate::upload_memory::{UploadBody, UploadMemory};
 use folder::Folder;
 use log::LogView;
 use models::KnownModel;
@@ -49,6 +49,13 @@ struct Diagnoses {
     hub: Arc<Hub>,
     tables: Turn,
     logs: Turn,
+    memory: UploadMemory,
+}
+
+impl FromRef<Arc<Diagnoses>> for UploadMemory {
+    fn from_ref(diagnoses: &Arc<Diagnoses>) -> Self {
+        diagnoses.memory.clone()
+    }
 }
 
 #[derive(Default)]
@@ -93,7 +100,7 @@ pub(crate) fn router(hub: Arc<Hub>) -> Router {
         .route("/api/diagnosis/table", post(make_table))
         .route("/api/diagnosis/log", post(look).layer(DefaultBodyLimit::max(MAX_FILES)))
         .route("/api/diagnosis/run", post(run).layer(DefaultBodyLimit::max(MAX_FILES)))
-        .with_state(Arc::new(Diagnoses { known: Mutex::default(), hub, tables: Turn::new(), logs: Turn::new() }))
+        .with_state(Arc::new(Diagnoses::new(hub)))
 }
 
 async fn status(State(diagnoses): Shared) -> Json<StatusView> {
@@ -115,9 +122,9 @@ async fn known_models(State(diagnoses): Shared) -> Result<Json<Vec<KnownModel>>,
     models::list(&diagnoses.hub).map(Json)
 }
 
-async fn look(State(diagnoses): Shared, body: Bytes) -> Result<Json<LogView>, Refused> {
+async fn look(State(diagnoses): Shared, body: UploadBody) -> Result<Json<LogView>, Refused> {
     let view = move |_: &_| {
-        let upload = Upload::parse(&body)?;
+        let upload = Upload::parse(&body.bytes)?;
         let folder = Folder::new()?;
         let data = folder.write_upload(&upload)?;
         let view = log::view(&data, &upload.columns).map_err(|fault| folder.refusal(&fault.to_string()))?;
@@ -126,17 +133,17 @@ async fn look(State(diagnoses): Shared, body: Bytes) -> Result<Json<LogView>, Re
     diagnoses.logs.run(view).await.map(Json)
 }
 
-async fn run(State(diagnoses): Shared, body: Bytes) -> Result<Json<ResultView>, Refused> {
+async fn run(State(diagnoses): Shared, body: UploadBody) -> Result<Json<ResultView>, Refused> {
     let progress = Progress::default();
     let place = {
-        let upload = Upload::parse(&body)?;
+        let upload = Upload::parse(&body.bytes)?;
         let sources = Sources::of(&diagnoses.hub, &upload)?;
         Place::take(&diagnoses, sources.to_string(), &progress)?
     };
     // Dropped with this request, when the page leaves.
     let _request = GiveUp(progress.clone());
     let work = move || {
-        let upload = Upload::parse(&body)?;
+        let upload = Upload::parse(&body.bytes)?;
         let sources = Sources::of(&place.0.hub, &upload)?;
         place.diagnose(&sources, &progress)
     };
@@ -174,6 +181,11 @@ impl Drop for GiveUp {
 }
 
 impl Diagnoses {
+    fn new(hub: Arc<Hub>) -> Self {
+        let (known, memory) = (Mutex::default(), UploadMemory::new());
+        Self { known, hub, tables: Turn::new(), logs: Turn::new(), memory }
+    }
+
     fn known(&self) -> MutexGuard<'_, Known> {
         self.known.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -208,7 +220,11 @@ impl Place {
         let corrected_digest = corrected_arm.as_ref().map(|arm| arm.hash().to_string());
         self.0.record(sources, &found, corrected.as_ref(), corrected_digest);
         let words = found.diagnosis.next_measurement.as_ref().map_or_else(Vec::new, |next| next.words.clone());
-        let next = corrected_arm.or_else(|| found.arm().cloned()).map(|arm| Next { arm, words });
+        let next = corrected_arm.or_else(|| found.arm().cloned()).map(|arm| Next {
+            arm,
+            words,
+            diagnosed: sources.to_string(),
+        });
         let mut known = self.0.known();
         known.n_finished += 1;
         let result = ResultView::new(sources, &found, corrected, known.n_finished);

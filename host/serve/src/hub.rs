@@ -14,10 +14,12 @@ use tokio::sync::{oneshot, watch};
 
 use crate::control::{Control, ControlError};
 use crate::history::History;
+use crate::measured::{self, Measured};
 use crate::order::{Order, PATIENCE, Task};
 use crate::picture::Picture;
 use crate::program::Program;
 use crate::refusal::{Kind, Refused};
+use crate::server::ServedArm;
 use crate::view::{BoardView, EventView, LinkView, LiveView, UploadView};
 
 /// What is older than this is not live: ten times the interval of the questions.
@@ -29,7 +31,7 @@ const EVENTS: usize = 60;
 pub struct Hub {
     port: String,
     stop_socket: Option<PathBuf>,
-    wired: Option<WiredArm>,
+    arm: Option<ServedArm>,
     history: Option<Arc<History>>,
     orders: Sender<Order>,
     state: Mutex<State>,
@@ -51,20 +53,21 @@ struct State {
     handle: Option<StopHandle>,
     picture: (u64, Option<Arc<Result<Picture, String>>>),
     program: (u64, Option<Arc<Program>>),
+    measured: Measured,
 }
 
 /// What a hub is made of.
 pub(crate) struct HubParts {
     pub(crate) port: String,
     pub(crate) stop_socket: Option<PathBuf>,
-    pub(crate) wired: Option<WiredArm>,
+    pub(crate) arm: Option<ServedArm>,
     pub(crate) history: Option<Arc<History>>,
     pub(crate) orders: Sender<Order>,
 }
 
 impl Hub {
     pub(crate) fn new(parts: HubParts) -> Self {
-        let HubParts { port, stop_socket, wired, history, orders } = parts;
+        let HubParts { port, stop_socket, arm, history, orders } = parts;
         let state = State {
             link: LinkView::Connecting,
             seen: None,
@@ -75,11 +78,12 @@ impl Hub {
             handle: None,
             picture: (0, None),
             program: (0, None),
+            measured: Measured::default(),
         };
         Self {
             port,
             stop_socket,
-            wired,
+            arm,
             history,
             orders,
             state: Mutex::new(state),
@@ -91,7 +95,12 @@ impl Hub {
 
     /// The arm on its board, where one is known.
     pub fn wired(&self) -> Option<&WiredArm> {
-        self.wired.as_ref()
+        self.arm.as_ref().map(|arm| &arm.wired)
+    }
+
+    /// The file of the arm, as a person named it.
+    pub(crate) fn arm_file(&self) -> Option<&str> {
+        self.arm.as_ref().map(|arm| arm.file.as_str())
     }
 
     /// Where what was seen is kept.
@@ -159,6 +168,8 @@ impl Hub {
         let age = state.seen.map(|seen| now.saturating_duration_since(seen));
         let is_old = age.is_none_or(|age| age > LIVE);
         let link = if state.link == LinkView::Live && is_old { LinkView::Silent } else { state.link.clone() };
+        let predicted =
+            state.picture.1.as_deref().and_then(|picture| picture.as_ref().ok()).map(|picture| &picture.tool);
         LiveView {
             revision: *self.revision.borrow(),
             link,
@@ -168,6 +179,7 @@ impl Hub {
             picture: state.picture.0,
             program: state.program.0,
             upload: state.upload,
+            measured: state.measured.view(predicted, measured::unix_now_s()),
             board: state.board.clone(),
             events: state.events.iter().cloned().collect(),
         }
@@ -185,9 +197,16 @@ impl Hub {
         self.state().picture.1.clone()
     }
 
-    pub(crate) fn set_picture(&self, picture: Result<Picture, String>) {
+    /// The arm goes to another posture, where it is at rest after `travel_s`.
+    pub(crate) fn set_picture(&self, picture: Result<Picture, String>, travel_s: f64) {
         let mut state = self.state();
         state.picture = (state.picture.0 + 1, Some(Arc::new(picture)));
+        state.measured.moves(measured::unix_now_s() + travel_s);
+    }
+
+    /// Changes what was measured. Pages see it with the next state of the board, or when they ask again.
+    pub(crate) fn with_measured(&self, change: impl FnOnce(&mut Measured)) {
+        change(&mut self.state().measured);
     }
 
     /// The opened table.

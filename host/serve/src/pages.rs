@@ -85,15 +85,18 @@ fn live() -> Markup {
             section #arm-section aria-labelledby="arm-title" {
                 h2 #arm-title { "Arm" }
                 div.picture.values { canvas #arm role="img" aria-label="The arm" tabindex="0" {} }
+                p #arm-file .note {}
                 p #tool .values aria-live="off" {}
                 p.legend {
                     span.leg.contracted {} "contracted leg: thick over its length "
                     span.leg.extended {} "extended leg: thin rod with a ring "
+                    span #seen-legend hidden { "· diamond: measured tool " }
                     "· drag, wheel or arrow keys turn the view"
                 }
                 p #picture-note .note {}
             }
             div {
+                (measured())
                 section aria-labelledby="state-title" {
                     h2 #state-title { "State" }
                     p #phase .phase.values role="status" { "unknown" }
@@ -115,6 +118,25 @@ fn live() -> Markup {
             }
         }
         (tables())
+    }
+}
+
+fn measured() -> Markup {
+    html! {
+        section #measured-section aria-labelledby="measured-title" hidden {
+            h2 #measured-title { "Measured tool pose" }
+            p #residual .phase.values {}
+            div.scroll tabindex="0" role="region" aria-labelledby="measured-title" {
+                table.values {
+                    thead { tr {
+                        th scope="col" { "Axis of the base" } th.num scope="col" { "Predicted" } th.num scope="col" { "Measured" }
+                        th.num scope="col" { "Residual" }
+                    } }
+                    tbody #measured {}
+                }
+            }
+            p #measured-state .note {}
+        }
     }
 }
 
@@ -156,6 +178,15 @@ fn program() -> Markup {
             div #drop .drop {
                 label for="file" { "Open a table of " code { "darm table" } " (.darm), or drop it here" }
                 input #file type="file" accept=".darm";
+            }
+            div #origin hidden {
+                p #origin-text {}
+                p { code #origin-command {} }
+                div.buttons {
+                    button #save-table type="button" { "Save the table" }
+                    button #save-visits type="button" { "Save the visit file" }
+                }
+                p #saved .note role="status" {}
             }
             p #table-note .note role="status" {}
             p #refusal .alert role="alert" hidden {}

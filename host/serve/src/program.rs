@@ -16,6 +16,23 @@ pub struct Program {
     pub file: Option<TableFile>,
     /// What pages show.
     pub view: ProgramView,
+    /// The bytes of its file.
+    pub bytes: Vec<u8>,
+    /// The text of its visit file, of a table that a diagnosis made.
+    pub visits: Option<String>,
+}
+
+/// Where a table of the server comes from.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Origin {
+    /// Name of its visit file.
+    pub visits_name: String,
+    /// Number of visits.
+    pub n_visits: usize,
+    /// What was diagnosed.
+    pub diagnosed: String,
+    /// Number of the model that it was made with.
+    pub model: u32,
 }
 
 /// A table as pages show it.
@@ -33,6 +50,8 @@ pub struct ProgramView {
     pub lanes: Vec<Lane>,
     /// Why it is refused, with row and limit.
     pub refusal: Option<Refused>,
+    /// The diagnosis that it was made after; `None` of a file that was opened.
+    pub origin: Option<Origin>,
 }
 
 /// A row of a table.
@@ -68,19 +87,25 @@ impl Program {
     ///
     /// The bytes are not a complete table of this version.
     pub fn open(name: &str, bytes: &[u8]) -> Result<Self, Refused> {
-        let path = Path::new(name);
+        let (path, own, visits) = (Path::new(name), bytes.to_vec(), None);
         match TableFile::parse(path, bytes) {
             Ok(file) => {
                 let digest = Some(file.digest().to_string());
                 let view = ProgramView { digest, ..view(name, &file.records, None) };
-                Ok(Self { file: Some(file), view })
+                Ok(Self { file: Some(file), view, bytes: own, visits })
             }
             Err(error @ TableFileError::Refused { .. }) => {
                 let records = unchecked_records(path, bytes)?;
-                Ok(Self { file: None, view: view(name, &records, Some(error.into())) })
+                Ok(Self { file: None, view: view(name, &records, Some(error.into())), bytes: own, visits })
             }
             Err(error) => Err(error.into()),
         }
+    }
+
+    /// The same made after a diagnosis, with its visit file.
+    #[must_use]
+    pub fn made(self, origin: Origin, visits: String) -> Self {
+        Self { view: ProgramView { origin: Some(origin), ..self.view }, visits: Some(visits), ..self }
     }
 
     /// Digest of a table that breaks none of its limits.
@@ -101,6 +126,7 @@ fn view(name: &str, records: &[Record], refusal: Option<Refused>) -> ProgramView
         rows: rows.iter().map(|row| RowView::of(row)).collect(),
         lanes: lanes(&wiring, &rows, end),
         refusal: refusal.map(|refusal| refusal.with_limit_of(&wiring)),
+        origin: None,
     }
 }
 

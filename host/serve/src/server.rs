@@ -13,7 +13,6 @@ use axum::http::header::{self, HeaderName, HeaderValue};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
-use darm_arm::arm::Arm;
 use darm_arm::wired_arm::WiredArm;
 use darm_device::client::stop::StopHandle;
 use darm_device::link::{Link, LinkError};
@@ -25,6 +24,7 @@ use crate::assets::ASSETS;
 use crate::connections::{self, PATIENCE};
 use crate::history::{self, History, HistoryError, ModelEntry};
 use crate::hub::{Hub, HubParts};
+use crate::measured::{self, PoseSource};
 use crate::refusal::Refused;
 use crate::watcher::Watcher;
 use crate::{api, diagnosis, pages, reach};
@@ -57,9 +57,19 @@ pub struct Config {
     /// The board.
     pub board: BoardPort,
     /// The arm on it: without one there are no picture and no names.
-    pub arm: Option<WiredArm>,
+    pub arm: Option<ServedArm>,
+    /// Where measured poses of its tool come from, if there is a camera.
+    pub poses: Option<PoseSource>,
     /// Where what is seen is kept, if it is.
     pub history: Option<History>,
+}
+
+/// The arm of a server.
+pub struct ServedArm {
+    /// The arm on its board.
+    pub wired: WiredArm,
+    /// Its file, as a person named it.
+    pub file: String,
 }
 
 /// How the board is reached.
@@ -110,7 +120,7 @@ impl Server {
     ///
     /// The address is not loopback and there is no token, it cannot be listened on, or the history cannot be written.
     pub fn start(config: Config) -> Result<Self, ServeError> {
-        let Config { listen, names, token, board, arm, history } = config;
+        let Config { listen, names, token, board, arm, poses, history } = config;
         let access = Access::new(listen, names, token)?;
         let listener = TcpListener::bind(listen).map_err(|source| ServeError::Listen { address: listen, source })?;
         let address = listener.local_addr()?;
@@ -118,10 +128,10 @@ impl Server {
         let (orders, ordered) = channel();
         let BoardPort { name, stop_socket, open } = board;
         let history = history.map(Arc::new);
-        if let (Some(history), Some(wired)) = (&history, &arm) {
-            add_arm(history, &wired.arm)?;
+        if let (Some(history), Some(arm)) = (&history, &arm) {
+            add_arm(history, arm)?;
         }
-        let hub = Arc::new(Hub::new(HubParts { port: name, stop_socket, wired: arm, history, orders }));
+        let hub = Arc::new(Hub::new(HubParts { port: name, stop_socket, arm, history, orders }));
         let watcher = Watcher::new(Arc::clone(&hub), open, ordered);
         let (end, ended) = oneshot::channel();
         let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;
@@ -133,10 +143,13 @@ impl Server {
                 eprintln!("darm serve: {error}");
             }
         };
-        let threads = vec![
+        let mut threads = vec![
             thread::Builder::new().name("watcher".into()).spawn(move || watcher.run())?,
             thread::Builder::new().name("http".into()).spawn(http)?,
         ];
+        if let Some(source) = poses {
+            threads.push(follow_poses(&hub, source)?);
+        }
         Ok(Self { address, hub, end: Some(end), threads })
     }
 
@@ -163,11 +176,24 @@ impl Drop for Server {
     }
 }
 
+/// Starts the thread that reads measured poses.
+fn follow_poses(hub: &Arc<Hub>, source: PoseSource) -> io::Result<JoinHandle<()>> {
+    hub.with_measured(|measured| measured.set_source(&source.name));
+    let hub = Arc::clone(hub);
+    thread::Builder::new().name("poses".into()).spawn(move || measured::follow(&hub, source))
+}
+
 /// Records the arm of the server.
-fn add_arm(history: &History, arm: &Arm) -> Result<(), HistoryError> {
+fn add_arm(history: &History, ServedArm { wired, file: path }: &ServedArm) -> Result<(), HistoryError> {
+    let arm = &wired.arm;
     let (digest, file, number) = (arm.hash().to_string(), arm.to_toml(), arm.model.number);
-    let model = ModelEntry { digest: &digest, name: &arm.name, number: Some(number), parent: None, file: &file };
+    let model = ModelEntry { digest: &digest, name: file_name(path), number: Some(number), parent: None, file: &file };
     history.add_model(&model, history::now_ms())
+}
+
+/// The name of a file without its folder.
+pub(crate) fn file_name(path: &str) -> &str {
+    path.rsplit('/').next().unwrap_or(path)
 }
 
 fn router(hub: Arc<Hub>, access: Access) -> Router {
@@ -182,6 +208,8 @@ fn router(hub: Arc<Hub>, access: Access) -> Router {
         .route("/api/arm", get(api::arm))
         .route("/api/picture", get(api::picture))
         .route("/api/program", get(api::program))
+        .route("/api/program/table", get(api::table_file))
+        .route("/api/program/visits", get(api::visit_file))
         .route("/api/stop", post(api::stop))
         .route("/api/control", post(api::control))
         .route("/api/open", post(api::open))

@@ -18,6 +18,8 @@ use crate::refusal::{Kind, Refused};
 const QUOTES: [char; 2] = ['"', '\''];
 /// Largest upload of files, bytes.
 pub const MAX_FILES: usize = 64 << 20;
+/// Most bytes of all uploads that the server has at once.
+pub const MAX_UPLOADS: usize = 2 * MAX_FILES;
 /// Longest name of a file, bytes.
 const MAX_NAME: usize = 100;
 

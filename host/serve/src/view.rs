@@ -4,6 +4,7 @@ use darm_core::sequencer::{Event, Phase};
 use darm_core::units::Micros;
 use serde::Serialize;
 
+use crate::measured::MeasuredView;
 use crate::program::seconds;
 use crate::refusal::{Limit, Place, of_fault};
 
@@ -26,6 +27,8 @@ pub struct LiveView {
     pub program: u64,
     /// The upload that runs.
     pub upload: Option<UploadView>,
+    /// The measured pose of the tool, where the server has a source of poses.
+    pub measured: Option<MeasuredView>,
     /// What was seen of the board last.
     pub board: Option<BoardView>,
     /// What happened on the board, oldest first.

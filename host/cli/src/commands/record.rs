@@ -29,7 +29,7 @@ use darm_diagnose::visits::Visits;
 use output::{Earlier, Output};
 use program::{LostConnection, Program};
 use recording::{Recording, clock_lines};
-use source::Camera;
+pub(super) use source::Camera;
 use visit_tracker::VisitTracker;
 
 const EXAMPLES: &str = "\

@@ -1,7 +1,9 @@
 //! `darm serve`: the live page of a board and its arm, until Ctrl-C.
 
+mod poses;
+
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, TcpListener};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
@@ -9,7 +11,7 @@ use anyhow::Context as _;
 use darm_arm::wired_arm::WiredArm;
 use darm_serve::access::Token;
 use darm_serve::history::History;
-use darm_serve::server::{BoardPort, Config, Server};
+use darm_serve::server::{BoardPort, Config, ServedArm, Server};
 use serde::Serialize;
 
 use crate::failure::Usage;
@@ -20,6 +22,7 @@ use crate::ui::{Answer, Ui};
 const EXAMPLES: &str = "\
 Examples:
   darm serve arm.toml                          # the only board there is, with this arm on it
+  darm serve arm.toml --poses sim              # with the poses that the camera of `darm sim` measures
   darm serve arm.toml --listen 127.0.0.1:0     # at a free port
   darm serve                                   # without a picture
 
@@ -44,6 +47,10 @@ pub(crate) struct Serve {
     /// Profile of the board; default: the one that the arm names
     #[arg(long, value_name = "PROFILE.toml", requires = "arm")]
     profile: Option<PathBuf>,
+    /// Source of measured poses, shown with their residual: sim, tcp:HOST:PORT, unix:PATH, a CSV file or an MCAP log that is
+    /// being written
+    #[arg(long, value_name = "SOURCE", requires = "arm")]
+    poses: Option<String>,
     /// Address to listen on; one that is not loopback needs a token; default: 127.0.0.1:8420, or a free port where that is
     /// taken
     #[arg(long, value_name = "ADDRESS:PORT")]
@@ -65,14 +72,32 @@ pub(crate) struct Serve {
 #[derive(Serialize)]
 struct Serving {
     port: String,
-    arm: Option<String>,
+    arm: Option<ServedFile>,
     history: Option<PathBuf>,
     url: String,
 }
 
+/// The file of the arm.
+#[derive(Serialize)]
+struct ServedFile {
+    file: String,
+    number: u32,
+    digest: String,
+}
+
+impl ServedFile {
+    fn of(ServedArm { wired, file }: &ServedArm) -> Self {
+        Self { file: file.clone(), number: wired.arm.model.number, digest: wired.arm.hash().to_string() }
+    }
+
+    fn text(&self) -> String {
+        format!("{}, model {}, {}", self.file, self.number, self.digest)
+    }
+}
+
 impl Answer for Serving {
     fn text(&self) -> String {
-        let arm = self.arm.as_deref().unwrap_or("none given: no picture");
+        let arm = self.arm.as_ref().map_or_else(|| "none given: no picture".to_owned(), ServedFile::text);
         let history = self.history.as_ref().map_or("none".to_owned(), |path| path.display().to_string());
         format!(
             "port     {}\narm      {arm}\nhistory  {history}\npage     {}\n\nCtrl-C ends the server",
@@ -83,32 +108,49 @@ impl Answer for Serving {
 
 impl Serve {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
-        let arm = self.arm.as_deref().map(|arm| WiredArm::read(arm, self.profile.as_deref())).transpose()?;
+        let arm = self.arm.as_deref().map(|arm| self.read(arm)).transpose()?;
         let name = self.port.name()?;
         let token = self.token.as_deref().filter(|token| !token.is_empty()).map(Token::new).transpose();
         let token = token.map_err(|error| Usage(error.to_string()))?;
-        let arm_name = arm.as_ref().map(|wired| wired.arm.name.clone());
+        let served = arm.as_ref().map(|arm| ServedFile::of(arm));
         let opened = name.clone();
         let board = BoardPort {
             name: name.clone(),
             stop_socket: state_folder::stop_socket(&name),
-            open: Box::new(move || port::open(&opened)),
+            open: Box::new(move || port::open_at_once(&opened)),
         };
         let history = self.history_file().map(|path| History::open(&path)).transpose()?;
         let history_file = history.as_ref().map(|history| history.path().to_owned());
         let (listen, names) = (self.listen(), self.name.clone());
-        let server = Server::start(Config { listen, names, token, board, arm, history })?;
+        let poses = self.poses.as_deref().map(poses::source);
+        let server = Server::start(Config { listen, names, token, board, arm, poses, history })?;
         let (interrupted, interrupt) = channel();
         let handler = move || {
             // The receiver is gone once the server has ended.
             let _ = interrupted.send(());
         };
         ctrlc::set_handler(handler).context("cannot wait for Ctrl-C")?;
-        ui.print(&Serving { port: name, arm: arm_name, history: history_file, url: self.url(server.address()) })?;
+        ui.print(&Serving { port: name, arm: served, history: history_file, url: self.url(server.address()) })?;
         while let Err(RecvTimeoutError::Timeout) = interrupt.recv_timeout(POLL) {
             anyhow::ensure!(server.is_running(), "the server ended; its reason is above");
         }
         Ok(())
+    }
+
+    /// The arm with its board.
+    fn read(&self, path: &Path) -> anyhow::Result<ServedArm> {
+        let is_robot =
+            path.extension().is_some_and(|end| ["urdf", "xml"].iter().any(|robot| end.eq_ignore_ascii_case(robot)));
+        if is_robot {
+            return Err(Usage(format!(
+                "{}: a robot file, with joints in place of actuators that a board switches; give an arm file. The page Diagnosis takes \
+                 robot files, and `darm draw` draws them",
+                path.display()
+            ))
+            .into());
+        }
+        let wired = WiredArm::read(path, self.profile.as_deref())?;
+        Ok(ServedArm { wired, file: path.display().to_string() })
     }
 
     /// The file of the history; none where it is not wanted, or no home folder is known.

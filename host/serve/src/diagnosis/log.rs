@@ -33,6 +33,8 @@ pub(super) struct LogView {
     n_rows: usize,
     /// Whether it is a recording of another program, which is converted.
     is_converted: bool,
+    /// Digest of the model whose table was played, where the file says it.
+    model: Option<String>,
     columns: Vec<ColumnView>,
     /// Units that look wrong.
     doubts: Vec<DoubtView>,
@@ -130,6 +132,7 @@ pub(super) fn view(data: &Path, given: &[ReadAs]) -> Result<LogView, LogFault> {
     Ok(LogView {
         n_rows: reader.n_rows(),
         is_converted: matches!(reader, Reader::Import(_)),
+        model: about(data).ok().and_then(|about| Origin::find(&about)).map(|origin| origin.model.to_string()),
         doubts: overview.as_ref().map_or_else(Vec::new, |overview| doubts(overview, &columns)),
         missing: if possible.is_empty() { missing(&columns) } else { Vec::new() },
         columns: columns.iter().map(|read_as| reader.column(read_as, overview.as_ref())).collect(),

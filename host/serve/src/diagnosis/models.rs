@@ -7,6 +7,7 @@ use serde_json::Value;
 use crate::history::Kind as Entry;
 use crate::hub::Hub;
 use crate::refusal::{Kind, Refused};
+use crate::server;
 
 /// Models of the history that are offered, the newest.
 const MAX_MODELS: u32 = 50;
@@ -30,7 +31,7 @@ pub(super) struct ModelText {
 
 /// The arm of the server first, then the newest of the history.
 pub(super) fn list(hub: &Hub) -> Result<Vec<KnownModel>, Refused> {
-    let served = hub.wired().map(|wired| KnownModel::served(&wired.arm));
+    let served = hub.wired().map(|wired| KnownModel::served(&wired.arm, &served_name(hub)));
     let entries = hub.history().map_or(Ok(Vec::new()), |history| history.entries(Entry::Models, Some(MAX_MODELS)));
     let entries = entries.map_err(|error| Refused::new(Kind::Refused, error))?;
     let is_new = |model: &KnownModel| served.as_ref().is_none_or(|served| served.digest != model.digest);
@@ -41,7 +42,7 @@ pub(super) fn list(hub: &Hub) -> Result<Vec<KnownModel>, Refused> {
 /// The file of the model with this digest.
 pub(super) fn text(hub: &Hub, digest: &str) -> Result<ModelText, Refused> {
     if let Some(wired) = hub.wired().filter(|wired| wired.arm.hash().to_string() == digest) {
-        return Ok(ModelText { name: file_name(&wired.arm.name), text: wired.arm.to_toml() });
+        return Ok(ModelText { name: served_name(hub), text: wired.arm.to_toml() });
     }
     let failed = |error| Refused::new(Kind::Refused, error);
     let (mut name, mut text) = (None, None);
@@ -53,9 +54,9 @@ pub(super) fn text(hub: &Hub, digest: &str) -> Result<ModelText, Refused> {
 }
 
 impl KnownModel {
-    fn served(arm: &Arm) -> Self {
+    fn served(arm: &Arm, name: &str) -> Self {
         let (digest, number) = (arm.hash().to_string(), Some(arm.model.number.into()));
-        Self { digest, name: file_name(&arm.name), number, is_served: true }
+        Self { digest, name: name.to_owned(), number, is_served: true }
     }
 
     /// `None` of an entry without a file.
@@ -67,7 +68,12 @@ impl KnownModel {
     }
 }
 
-/// The arm of the server is kept under its name, other models under that of their file.
+/// Name of the file that the server was started with.
+fn served_name(hub: &Hub) -> String {
+    file_name(server::file_name(hub.arm_file().unwrap_or_default()))
+}
+
+/// A name that a file can have; earlier versions kept the arm of the server under the name inside its file.
 fn file_name(name: &str) -> String {
     let is_file = [".toml", ".urdf", ".xml"].iter().any(|end| name.to_lowercase().ends_with(end));
     let plain: String = name.chars().map(|c| if c.is_control() || "/\\:".contains(c) { '-' } else { c }).collect();

@@ -9,7 +9,7 @@ use darm_diagnose::measurement_plan;
 use darm_diagnose::visit_table::{MEASUREMENT_DWELL_S, PlannedVisit, VisitTable, default_dwell_s, measurement_visits};
 use serde::{Deserialize, Serialize};
 
-use crate::program::Program;
+use crate::program::{Origin, Program};
 use crate::refusal::{Kind, Refused};
 
 /// Which table a page wants.
@@ -35,20 +35,16 @@ pub(super) struct Next {
     pub(super) arm: Arm,
     /// Words that distinguish the candidates.
     pub(super) words: Vec<String>,
+    /// The files that were diagnosed.
+    pub(super) diagnosed: String,
 }
 
-/// A table and its visit file.
+/// A table that was made.
 #[derive(Serialize)]
 pub(super) struct TableView {
     name: &'static str,
-    visits_name: &'static str,
     digest: String,
     n_visits: usize,
-    end_s: f64,
-    /// The bytes of the table file in hexadecimal digits.
-    table: String,
-    /// The text of the visit file, which `darm record` reads.
-    visits: String,
 }
 
 impl TableRequest {
@@ -65,17 +61,12 @@ impl TableRequest {
         };
         let table = VisitTable { arm, profile, device: None, modules: &[], may_rest };
         let (plan, visits) = table.of(&planned).map_err(|error| refused(&error))?;
-        let bytes = table_file::bytes(&plan.image);
-        let view = TableView {
-            name,
-            visits_name,
-            digest: visits.table.to_string(),
-            n_visits: visits.rests.len(),
-            end_s: crate::program::seconds(plan.end),
-            table: bytes.iter().map(|byte| format!("{byte:02x}")).collect(),
-            visits: visits.to_text(),
-        };
-        Ok((view, Program::open(name, &bytes)?))
+        let n_visits = visits.rests.len();
+        let view = TableView { name, digest: visits.table.to_string(), n_visits };
+        let (diagnosed, model) = (next.diagnosed.clone(), arm.model.number);
+        let origin = Origin { visits_name: visits_name.into(), n_visits, diagnosed, model };
+        let program = Program::open(name, &table_file::bytes(&plan.image))?;
+        Ok((view, program.made(origin, visits.to_text())))
     }
 }
 

@@ -57,7 +57,7 @@ pub struct TableEntry<'a> {
 pub struct ModelEntry<'a> {
     /// Hash of an arm, as boards report it; SHA-256 of the file of another model.
     pub digest: &'a str,
-    /// Name of its file, or of the arm.
+    /// Name of its file.
     pub name: &'a str,
     /// Number of the model.
     pub number: Option<u32>,
@@ -114,7 +114,7 @@ impl History {
         self.noted(written)
     }
 
-    /// Records a model. A known one gets a parent that it did not have.
+    /// Records a model. A known one gets a parent that it did not have, and the name of the file that it was read from last.
     ///
     /// # Errors
     ///
@@ -178,7 +178,7 @@ fn insert_model(connection: &Connection, model: &ModelEntry<'_>, now_ms: i64) ->
     let parent = model.parent.filter(|parent| *parent != model.digest);
     connection.execute(
         "INSERT INTO model (digest, name, number, parent, seen_ms, file) VALUES (?1, ?2, ?3, ?4, ?5, ?6)
-         ON CONFLICT (digest) DO UPDATE SET parent = coalesce(parent, excluded.parent)",
+         ON CONFLICT (digest) DO UPDATE SET parent = coalesce(parent, excluded.parent), name = excluded.name",
         params![model.digest, model.name, model.number, parent, now_ms, file],
     )?;
     Ok(())

@@ -26,7 +26,7 @@ pub(super) fn diagnosis() -> Markup {
                     div.field {
                         label for="more" { "Files that the model names" }
                         input #more type="file" accept=".urdf,.xml,.toml" multiple aria-describedby="more-help";
-                        p #more-help .note { "the URDF of an experiment; none for an arm" }
+                        p #more-help .note { "the URDF of an experiment; none for an arm. Meshes that a URDF names, such as " code { "package://" } ", are not needed and not read" }
                     }
                     // No box to tick: the space bar is the stop.
                     div.field {
@@ -35,6 +35,7 @@ pub(super) fn diagnosis() -> Markup {
                     }
                 }
                 p.note { "At most " (MAX_FILES >> 20) " MB together. The files stay on the computer of " code { "darm serve" } "; nothing is sent to the board." }
+                p #recorded .note role="status" hidden {}
                 p #files-note .note role="status" {}
                 div.buttons {
                     button #diagnose type="submit" disabled { "Diagnose" }

@@ -105,9 +105,9 @@ fn order() -> Markup {
             p #order-note .note role="status" {}
             div #order-progress .running hidden { progress aria-label="Path" {} button #cancel-order type="button" { "Cancel the path" } }
             div.scroll tabindex="0" role="region" aria-labelledby="order-title" {
-                table {
+                table.cards {
                     thead { tr {
-                        th.num scope="col" { "Step" } th scope="col" { "Word" } th.num scope="col" { "Tool at, mm" } th.num scope="col" { "Deviation, mm" }
+                        th.num scope="col" { "Step" } th scope="col" { "Word" } th #rests-at .num scope="col" { "Tool at" } th.num scope="col" { "Deviation, mm" }
                     } }
                     tbody #rests {}
                 }

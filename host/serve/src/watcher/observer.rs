@@ -26,6 +26,9 @@ const EVENT_REQUESTS: usize = 8;
 /// A servo that turns less changes no picture, rad.
 const SMALLEST_TURN_RAD: f64 = 2e-4;
 
+/// After the end of a stroke the arm still swings.
+const SETTLING_S: f64 = 0.05;
+
 /// What was seen at earlier looks.
 pub(super) struct Observer {
     hub: Arc<Hub>,
@@ -148,7 +151,8 @@ impl Observer {
         if self.shown.as_ref().is_some_and(|shown| is_same(shown, &posture)) {
             return;
         }
-        self.hub.set_picture(Picture::of(&wired.arm, &posture));
+        let travel_ms = wired.wiring.actuators.iter().map(|actuator| actuator.travel_ms).max().unwrap_or(0);
+        self.hub.set_picture(Picture::of(&wired.arm, &posture), 1e-3 * f64::from(travel_ms) + SETTLING_S);
         self.shown = Some(posture);
     }
 

@@ -16,7 +16,8 @@ use darm_device::link::LinkError;
 use darm_device::plant::Plant;
 use darm_serve::access::Token;
 use darm_serve::history::History;
-use darm_serve::server::{BoardPort, Config, Server};
+use darm_serve::measured::PoseSource;
+use darm_serve::server::{BoardPort, Config, ServedArm, Server};
 use serde_json::{Value, json};
 
 use super::http::{Answer, request};
@@ -38,11 +39,18 @@ pub(crate) struct Bench {
 }
 
 impl Bench {
+    /// Name of the served file: not the name inside it.
+    pub(crate) const FILE: &str = "bench.toml";
+
     pub(crate) fn start(arm: &str) -> Self {
         Self::start_wired(WiredArm::read(&example(arm), None).unwrap(), None)
     }
 
     pub(crate) fn start_wired(wired: WiredArm, token: Option<&str>) -> Self {
+        Self::start_with(wired, token, None)
+    }
+
+    pub(crate) fn start_with(wired: WiredArm, token: Option<&str>, poses: Option<PoseSource>) -> Self {
         let flash = MemoryFlash::with_profile(&wired.profile.image());
         let board = InProcess::boot(Plant::new(&wired.wiring, &[]), flash).unwrap();
         let is_plugged = Arc::new(AtomicBool::new(true));
@@ -58,7 +66,8 @@ impl Bench {
             names: vec![],
             token: token.map(|token| Token::new(token).unwrap()),
             board: port,
-            arm: Some(wired.clone()),
+            arm: Some(ServedArm { wired: wired.clone(), file: format!("arms/{}", Self::FILE) }),
+            poses,
             history: Some(History::open(&folder.path().join("history.sqlite3")).unwrap()),
         });
         Self { board, wired, server: server.unwrap(), is_plugged, _folder: folder }
@@ -132,9 +141,7 @@ impl Bench {
     pub(crate) fn page_in_control(&self) -> Page<'_> {
         let granted = self.post("/api/control", &[], &json!({"do": "take"}));
         assert_eq!(granted.status, 200, "{}", granted.json());
-        let granted = granted.json();
-        let key = granted["key"].as_str().unwrap();
-        Page { bench: self, number: granted["page"].as_u64().unwrap(), header: format!("x-darm-control: {key}") }
+        Page::of(self, &granted.json())
     }
 }
 
@@ -170,9 +177,22 @@ pub(crate) struct Page<'a> {
     header: String,
 }
 
-impl Page<'_> {
+impl<'a> Page<'a> {
+    fn of(bench: &'a Bench, granted: &Value) -> Self {
+        let key = granted["key"].as_str().unwrap();
+        Self { bench, number: granted["page"].as_u64().unwrap(), header: format!("x-darm-control: {key}") }
+    }
+
     pub(crate) fn control(&self, what: &str) -> Answer {
         self.bench.post("/api/control", &[&self.header], &json!({ "do": what }))
+    }
+
+    /// The next page of the same tab.
+    #[track_caller]
+    pub(crate) fn resumed(&self) -> Self {
+        let granted = self.control("resume");
+        assert_eq!(granted.status, 200, "{}", granted.json());
+        Self::of(self.bench, &granted.json())
     }
 
     pub(crate) fn order(&self, path: &str, body: &Value) -> Answer {

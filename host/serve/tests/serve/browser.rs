@@ -71,9 +71,6 @@ fn stop(browser: &Browser, bench: &Bench) {
     browser.value("document.querySelector('#stopped').dataset.outcome = ''");
     browser.click("#stop");
     browser.wait("document.querySelector('#stopped').dataset.outcome === 'confirmed'");
-    browser.open(&format!("http://{}/", bench.address()));
-    browser.wait("document.body.dataset.link === 'live' && !document.body.hasAttribute('data-controls')");
-    bench.live(|live| live["control"].is_null());
 }
 
 fn lose_the_board(browser: &Browser, bench: &Bench) {

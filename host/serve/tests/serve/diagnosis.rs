@@ -71,7 +71,11 @@ fn the_next_table_is_of_the_corrected_model(bench: &Bench, result: &Value, arm: 
     assert!(program["digest"] == made["digest"] && program["refusal"].is_null(), "{program}");
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("plan.visits.csv");
-    std::fs::write(&path, made["visits"].as_str().unwrap()).unwrap();
+    let visits = request(bench.address(), "GET", "/api/program/visits", &[], b"");
+    std::fs::write(&path, visits.body).unwrap();
+    let table = request(bench.address(), "GET", "/api/program/table", &[], b"").body;
+    let table = darm_arm::table_file::TableFile::parse(Path::new("plan.darm"), &table).unwrap();
+    assert_eq!(table.digest().to_string(), made["digest"].as_str().unwrap());
     let visits = darm_diagnose::visits::Visits::read(&path).unwrap();
     assert_eq!((visits.model, visits.table.to_string().as_str()), (arm.hash(), made["digest"].as_str().unwrap()));
     assert_eq!(visits.rests.len() as u64, made["n_visits"].as_u64().unwrap());
@@ -163,15 +167,51 @@ fn a_person_diagnoses_a_recording_in_a_browser() {
         zoom(&browser);
         enter(&browser, "#write");
         browser.wait("document.querySelector('#actions-note').textContent.startsWith('Wrote planar4-')");
-        enter(&browser, "#plan");
-        browser.wait("document.querySelector('#actions-note').textContent.startsWith('Wrote plan.darm')");
         // An error has its place; the former result stays.
         browser.choose("#data", example("planar4-frames.toml").to_str().unwrap());
         enter(&browser, "#diagnose");
         browser.wait("document.querySelector('#failure').textContent.includes('planar4-frames.toml')");
         browser.open(&format!("http://{}/diagnosis", bench.address()));
         browser.wait("document.querySelector('#verdict-section')?.dataset.verdict === 'effect-found'");
+        plan_again(&browser);
     }
+}
+
+/// The new table is open on the page Program, named by what it was made from, and both of its files can be saved.
+fn plan_again(browser: &Browser) {
+    enter(browser, "#plan");
+    browser.wait("location.pathname === '/program' && document.querySelectorAll('#timeline .span').length > 12");
+    browser.wait("document.querySelector('#table-facts').textContent.includes('plan.darm')");
+    browser.wait("document.querySelector('#origin-text').textContent.includes('planar4.toml and planar4-run.csv')");
+    for (button, file) in [("#save-table", "plan.darm"), ("#save-visits", "plan.visits.csv")] {
+        enter(browser, button);
+        browser.wait(&format!("document.querySelector('#saved').textContent.startsWith('Wrote {file}')"));
+    }
+    let is_wide = "document.documentElement.scrollWidth > document.documentElement.clientWidth";
+    assert_eq!(browser.value(is_wide), false, "the page scrolls sideways");
+}
+
+/// The recording names the model whose table was played; the server has it.
+#[test]
+fn the_model_of_a_recording_is_chosen_by_its_digest() {
+    let Some(browser) = Browser::start(1280) else { return };
+    let bench = Bench::start("planar4.toml");
+    let hash = bench.wired.arm.hash().to_string();
+    diagnose_example(&bench);
+    let body = upload_of(&[("planar4.toml", b""), ("run.csv", &std::fs::read(example("planar4-run.csv")).unwrap())]);
+    let log = request(bench.address(), "POST", "/api/diagnosis/log", &[], &body).json();
+    assert_eq!(log["model"], hash.as_str());
+    browser.open(&format!("http://{}/diagnosis", bench.address()));
+    browser.wait("document.querySelectorAll('#known option').length === 3");
+    let names = "[...document.querySelectorAll('#known option')].slice(1).map((option) => option.textContent)";
+    let names = browser.value(names);
+    let names: Vec<&str> = names.as_array().unwrap().iter().filter_map(Value::as_str).collect();
+    assert_eq!(names[0], format!("{}, model 0, {hash} (arm of this server)", Bench::FILE));
+    assert!(names[1].starts_with("planar4-1.toml, model 1, "), "{names:?}");
+    browser.value("document.querySelector('#known').selectedIndex = 2");
+    browser.choose("#data", example("planar4-run.csv").to_str().unwrap());
+    browser.wait(&format!("document.querySelector('#known').value === '{hash}'"));
+    browser.wait("document.querySelector('#recorded').textContent.includes('It is chosen above')");
 }
 
 /// Presses a button by the keyboard, once it can be pressed.

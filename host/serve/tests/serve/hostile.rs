@@ -6,6 +6,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use darm_serve::connections::{MAX_CONNECTIONS, PATIENCE};
+use darm_serve::upload::{MAX_FILES, MAX_UPLOADS};
 use serde_json::json;
 
 use super::board::Bench;
@@ -96,6 +97,50 @@ fn more_connections_than_there_are_places_leave_a_stop_its_time() {
     // Long before they would have been closed for their age.
     let closed = halves.iter_mut().filter_map(|half| is_closed(half, Duration::from_millis(1)).then_some(())).count();
     assert!(closed >= MAX_CONNECTIONS && began.elapsed() < PATIENCE, "{closed}, {:?}", began.elapsed());
+}
+
+/// All uploads together have a bound: what exceeds it is refused before it is read.
+#[test]
+fn uploads_at_once_are_refused_beyond_their_memory_and_leave_a_stop_its_time() {
+    let bench = Bench::start("planar4.toml");
+    bench.phase("idle");
+    let begin = || {
+        let mut stream = TcpStream::connect(bench.address()).unwrap();
+        let head = format!(
+            "POST /api/diagnosis/log HTTP/1.1\r\nHost: {}\r\nContent-Length: {MAX_FILES}\r\n\r\n",
+            bench.address()
+        );
+        stream.write_all(head.as_bytes()).unwrap();
+        stream
+    };
+    let mut uploads: Vec<_> = (0..MAX_CONNECTIONS - 8).map(|_| begin()).collect();
+    thread::sleep(Duration::from_millis(300));
+    let began = Instant::now();
+    assert_eq!(bench.stop().status, 200);
+    assert!(began.elapsed() < STOP, "{:?}", began.elapsed());
+    let refused = request(bench.address(), "POST", "/api/diagnosis/log", &[], b"{}");
+    assert_eq!(refused.status, 409, "{}", refused.json());
+    assert!(refused.json()["refused"]["text"].as_str().unwrap().contains("0 of 128 MB for files are free"));
+    let closed = uploads.iter_mut().map(|stream| is_closed(stream, Duration::from_millis(20)));
+    let reading = closed.filter(|is_closed| !is_closed).count();
+    assert_eq!(reading, MAX_UPLOADS / MAX_FILES);
+    drop(uploads);
+    thread::sleep(Duration::from_millis(300));
+    let read = request(bench.address(), "POST", "/api/diagnosis/log", &[], b"{}");
+    assert_eq!(read.status, 422, "its memory is free again");
+    let answer = without_length(&bench);
+    assert!(answer.starts_with("HTTP/1.1 411"), "{answer}");
+}
+
+/// The first line of the answer to a request that does not say how long it is.
+fn without_length(bench: &Bench) -> String {
+    let mut stream = TcpStream::connect(bench.address()).unwrap();
+    let head =
+        format!("POST /api/diagnosis/log HTTP/1.1\r\nHost: {}\r\nTransfer-Encoding: chunked\r\n", bench.address());
+    stream.write_all(format!("{head}\r\n0\r\n\r\n").as_bytes()).unwrap();
+    let mut answer = [0; 64];
+    let read = stream.read(&mut answer).unwrap();
+    String::from_utf8_lossy(&answer[..read]).lines().next().unwrap_or_default().to_owned()
 }
 
 #[test]

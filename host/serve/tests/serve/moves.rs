@@ -3,7 +3,7 @@
 use std::thread;
 use std::time::Duration;
 
-use darm_serve::control::LEASE;
+use darm_serve::control::{CHANGE, LEASE};
 use serde_json::json;
 
 use super::board::Bench;
@@ -108,7 +108,11 @@ fn a_page_that_has_gone_leaves_no_output_on_that_it_switched_by_hand() {
         assert_eq!(page.command(&word).status, 200);
         bench.phase("manual");
         match how {
-            "closed" => assert_eq!(page.control("leave").status, 200),
+            "closed" => {
+                assert_eq!(page.control("leave").status, 200);
+                assert_ne!(bench.pins().0, 0, "the tab may go to another page");
+                thread::sleep(CHANGE);
+            }
             "silent" => thread::sleep(LEASE),
             _ => {
                 assert_eq!(page.control("release").status, 200);
@@ -124,6 +128,30 @@ fn a_page_that_has_gone_leaves_no_output_on_that_it_switched_by_hand() {
 }
 
 #[test]
+fn outputs_that_were_switched_by_hand_stay_on_while_their_tab_changes_its_page() {
+    let bench = Bench::start("planar4.toml");
+    bench.phase("idle");
+    let word = json!({"do": "word", "word": "000010000000"});
+    let mut page = bench.page_in_control();
+    page.upload(&bench.table(&["000010000000"], 20.0));
+    assert_eq!(page.command(&word).status, 200);
+    bench.phase("manual");
+    let number = page.number;
+    for _ in 0..3 {
+        assert_eq!(page.control("leave").status, 200);
+        thread::sleep(CHANGE / 2);
+        let next = page.resumed();
+        assert_eq!(page.command(&word).status, 409, "the page before has no key any more");
+        page = next;
+    }
+    assert_eq!((page.number, bench.get("/api/live")["control"].as_u64()), (number, Some(number)));
+    bench.phase("manual");
+    assert_ne!(bench.pins().0, 0);
+    assert_eq!(page.command(&json!({"do": "word", "word": "000000000000"})).status, 200);
+    bench.live(|live| live["board"]["word"] == "000000000000");
+}
+
+#[test]
 fn a_program_continues_without_the_page_that_started_it() {
     let bench = Bench::start("planar4.toml");
     bench.phase("idle");
@@ -133,7 +161,7 @@ fn a_program_continues_without_the_page_that_started_it() {
     bench.board.pass(0.5);
     bench.phase("playing");
     assert_eq!(page.control("leave").status, 200);
-    thread::sleep(Duration::from_millis(500));
-    bench.phase("playing");
+    thread::sleep(CHANGE + Duration::from_millis(500));
+    assert!(bench.phase("playing")["control"].is_null());
     assert_ne!(bench.pins().0, 0);
 }

@@ -162,6 +162,17 @@ impl Browser {
         self.protocol("Emulation.setEmulatedMedia", &json!({ "features": features }));
     }
 
+    /// A window of this size, in pixels of the page.
+    pub(crate) fn set_size(&self, width: u32, height: u32) {
+        let size = json!({"width": width, "height": height, "deviceScaleFactor": 1, "mobile": false});
+        self.protocol("Emulation.setDeviceMetricsOverride", &size);
+    }
+
+    /// A picture of what the window shows, PNG in base64.
+    pub(crate) fn screenshot(&self) -> String {
+        self.send("GET", "/screenshot", &Value::Null).as_str().unwrap().to_owned()
+    }
+
     /// Runs a script before those of every page that is opened.
     pub(crate) fn at_every_page(&self, script: &str) {
         self.protocol("Page.addScriptToEvaluateOnNewDocument", &json!({ "source": script }));

@@ -71,8 +71,8 @@ pub(crate) struct Camera {
 
 enum Kind {
     File(File),
-    /// An MCAP log that may grow, and how many of its rows were taken.
-    Log(PathBuf, usize),
+    /// An MCAP log that may grow, how many of its rows were taken, and its length then.
+    Log(PathBuf, usize, u64),
     Socket {
         end: Arc<AtomicBool>,
         received: Arc<Mutex<Vec<u8>>>,
@@ -90,7 +90,7 @@ impl Camera {
             let socket = TcpStream::connect(address);
             socket.and_then(|socket| socket.set_read_timeout(Some(POLL)).map(|()| listen(socket)))
         } else if name.ends_with(".mcap") {
-            File::open(name).map(|_| Kind::Log(name.into(), 0))
+            File::open(name).map(|_| Kind::Log(name.into(), 0, 0))
         } else {
             File::open(name).map(Kind::File)
         };
@@ -106,6 +106,16 @@ impl Camera {
     /// Whether the source is a file, which keeps its measurements.
     pub(crate) fn is_file(&self) -> bool {
         matches!(self.kind, Kind::File(_) | Kind::Log(..))
+    }
+
+    /// As the user named it.
+    pub(crate) fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Whether the other end of a socket has closed it.
+    pub(crate) fn is_closed(&self) -> bool {
+        matches!(&self.kind, Kind::Socket { thread, .. } if thread.as_ref().is_none_or(JoinHandle::is_finished))
     }
 
     /// The received measurements, without those that were dropped.
@@ -136,7 +146,7 @@ impl Camera {
                 let mut bytes = Vec::new();
                 file.read_to_end(&mut bytes).map(|_| bytes)
             }
-            Kind::Log(path, taken) => new_rows(path, taken),
+            Kind::Log(path, taken, length) => new_rows(path, taken, length),
             Kind::Socket { received, .. } => {
                 Ok(std::mem::take(&mut *received.lock().unwrap_or_else(PoisonError::into_inner)))
             }
@@ -184,8 +194,12 @@ impl Camera {
 }
 
 /// The rows of a log that were not taken yet, before the first of them the header. A log that is being written may end early.
-fn new_rows(path: &Path, taken: &mut usize) -> std::io::Result<Vec<u8>> {
+fn new_rows(path: &Path, taken: &mut usize, length: &mut u64) -> std::io::Result<Vec<u8>> {
+    if std::fs::metadata(path)?.len() == *length {
+        return Ok(Vec::new());
+    }
     let bytes = std::fs::read(path)?;
+    *length = bytes.len() as u64;
     let text = match log::to_text_of_complete_rows(&bytes) {
         Ok((text, _)) => text,
         Err(LogError::Mcap(McapError::Cut(_))) => return Ok(Vec::new()),
