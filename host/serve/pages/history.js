@@ -106,7 +106,10 @@ function showModels(models, runs, diagnoses) {
   const known = new Set(models.map((model) => model.digest));
   const roots = models.filter((model) => !known.has(model.parent));
   const item = (one, above) => {
-    const count = (entries, what) => `${entries.filter((entry) => entry.model === one.digest).length} ${what}`;
+    const count = (entries, what, many) => {
+      const n = entries.filter((entry) => entry.model === one.digest).length;
+      return `${n} ${n === 1 ? what : many}`;
+    };
     const children = models.filter((other) => other.parent === one.digest && !above.includes(other.digest));
     const made = diagnoses.find((diagnosis) => diagnosis.corrected === one.digest);
     const file = button('.toml', `File of ${modelName(one)}, ${short(one.digest)}`, () => attempt(async () => {
@@ -116,7 +119,7 @@ function showModels(models, runs, diagnoses) {
     file.hidden = !one.has_file;
     const list = children.length ? [make('ul', {}, ...children.map((child) => item(child, [...above, one.digest])))] : [];
     return make('li', {}, make('b', {}, modelName(one)), ' ', digest(one.digest), made ? ` corrected after ${made.data_name}` : '',
-      ` since ${when(one.seen_ms)}, ${count(runs, 'runs')}, ${count(diagnoses, 'diagnoses')} `, file, ...list);
+      ` since ${when(one.seen_ms)}, ${count(runs, 'run', 'runs')}, ${count(diagnoses, 'diagnosis', 'diagnoses')} `, file, ...list);
   };
   const list = make('ul', { className: 'lineage' }, ...roots.map((root) => item(root, [])));
   byId('lineage').replaceChildren(models.length ? list : make('p', {}, 'No model was seen yet.'));

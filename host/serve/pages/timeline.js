@@ -4,8 +4,8 @@ import { seconds } from './format.js';
 
 const SVG = 'http://www.w3.org/2000/svg';
 // Height of a lane, and of the name in it: beside its bars, or above them on a narrow page.
-const WIDE = { lane: 22, name: 15, bar: 4, left: 250, right: 30, ticks: 8 };
-const NARROW = { lane: 40, name: 14, bar: 20, left: 6, right: 22, ticks: 4 };
+const WIDE = { lane: 22, name: 15, bar: 4, left: 310, right: 30, ticks: 8 };
+const NARROW = { lane: 40, name: 14, bar: 20, left: 18, right: 22, ticks: 4 };
 const NARROW_PX = 640;
 const BAR = 13;
 const TOP = 26;

@@ -129,7 +129,7 @@ fn measured() -> Markup {
             div.scroll tabindex="0" role="region" aria-labelledby="measured-title" {
                 table.values {
                     thead { tr {
-                        th scope="col" { "Axis of the base" } th.num scope="col" { "Predicted" } th.num scope="col" { "Measured" }
+                        th scope="col" { "Axis" } th.num scope="col" { "Predicted" } th.num scope="col" { "Measured" }
                         th.num scope="col" { "Residual" }
                     } }
                     tbody #measured {}

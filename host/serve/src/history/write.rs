@@ -114,13 +114,17 @@ impl History {
         self.noted(written)
     }
 
-    /// Records a model. A known one gets a parent that it did not have, and the name of the file that it was read from last.
+    /// Records a model. A known one gets a parent that it did not have, and this name: earlier versions recorded that inside the file.
     ///
     /// # Errors
     ///
     /// The database cannot be written.
     pub fn add_model(&self, model: &ModelEntry<'_>, now_ms: i64) -> Result<(), HistoryError> {
-        let written = insert_model(&self.writer(), model, now_ms);
+        let writer = self.writer();
+        let rename = "UPDATE model SET name = ?2 WHERE digest = ?1";
+        let written = insert_model(&writer, model, now_ms)
+            .and_then(|()| writer.execute(rename, params![model.digest, model.name]).map(drop));
+        drop(writer);
         self.noted(written)
     }
 
@@ -178,7 +182,7 @@ fn insert_model(connection: &Connection, model: &ModelEntry<'_>, now_ms: i64) ->
     let parent = model.parent.filter(|parent| *parent != model.digest);
     connection.execute(
         "INSERT INTO model (digest, name, number, parent, seen_ms, file) VALUES (?1, ?2, ?3, ?4, ?5, ?6)
-         ON CONFLICT (digest) DO UPDATE SET parent = coalesce(parent, excluded.parent), name = excluded.name",
+         ON CONFLICT (digest) DO UPDATE SET parent = coalesce(parent, excluded.parent)",
         params![model.digest, model.name, model.number, parent, now_ms, file],
     )?;
     Ok(())

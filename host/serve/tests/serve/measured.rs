@@ -86,7 +86,7 @@ fn a_person_sees_the_measured_pose_beside_the_predicted_one() {
         let residuals = "[...document.querySelectorAll('#measured tr')].map((row) => row.children[0].textContent + ' ' + row.children[3].textContent)";
         assert_eq!(browser.value(residuals), json!(["x -3.000 mm", "y 4.000 mm", "angle -0.573°"]));
         browser.wait(&format!(
-            "(([x, y]) => Math.hypot(x - {}, y - {}) < 2e-3)(JSON.parse(document.querySelector('#arm').dataset.measured) ?? [9, 9])",
+            "(([x, y]) => Math.hypot(x - {}, y - {}) < 2e-3)(JSON.parse(document.querySelector('#arm').dataset.measured ?? 'null') ?? [9, 9])",
             pose.position.x, pose.position.y
         ));
         let is_wide = "document.documentElement.scrollWidth > document.documentElement.clientWidth";

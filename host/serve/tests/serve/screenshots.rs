@@ -4,7 +4,7 @@
 //! DARM_SCREENSHOTS=docs/images/serve cargo test -p darm-serve --test serve screenshots -- --ignored
 //! ```
 //!
-//! It needs ImageMagick, which makes the pictures small.
+//! It needs `pngquant`, which makes the pictures small.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -77,7 +77,7 @@ fn screenshots_of_each_page() {
             browser.wait(&format!("document.body.dataset.link === 'live' && ({ready})"));
             std::thread::sleep(std::time::Duration::from_millis(700));
             let file = folder.join(format!("{name}-{width}.png"));
-            shrink(&browser.screenshot(), small, &file);
+            write(&browser.screenshot(width, height, f64::from(small) / f64::from(width)), &file);
             let bytes = std::fs::metadata(&file).unwrap().len();
             assert!(bytes <= MAX_BYTES, "{}: {bytes} bytes", file.display());
         }
@@ -87,26 +87,20 @@ fn screenshots_of_each_page() {
 /// A table was played, the example was diagnosed, and the arm rests in a word.
 fn prepare(bench: &Bench) {
     bench.phase("idle");
+    // Control does not wait for it.
+    diagnose_example(bench);
     let page = bench.page_in_control();
     let digest = page.upload(&bench.table(&[WORD, "101000000000", "110100110100"], 0.4));
     page.play(&digest);
     bench.live(|live| live["events"].to_string().contains("finished"));
-    diagnose_example(bench);
     assert_eq!(page.command(&json!({"do": "word", "word": WORD})).status, 200);
     page.control("release");
 }
 
-/// Fewer pixels and colours.
-fn shrink(base64: &str, width: u32, file: &Path) {
-    let raw = file.with_extension("base64");
-    std::fs::write(&raw, base64).unwrap();
-    let decoded = Command::new("base64").arg("-d").arg(&raw).output().unwrap().stdout;
-    std::fs::remove_file(&raw).unwrap();
-    let size = format!("{width}x");
-    let mut convert = Command::new("convert");
-    convert.args(["png:-", "-filter", "Lanczos", "-resize", &size, "-strip", "-dither", "None", "-colors", "48"]);
-    convert.args(["-define", "png:compression-level=9"]).arg(file).stdin(Stdio::piped());
-    let mut child = convert.spawn().expect("ImageMagick is installed");
-    child.stdin.take().unwrap().write_all(&decoded).unwrap();
-    assert!(child.wait().unwrap().success());
+/// Writes a picture with few colours.
+fn write(base64: &str, file: &Path) {
+    let script = "base64 -d | pngquant --speed 1 64 - > \"$1\"";
+    let mut shell = Command::new("sh").args(["-c", script, "sh"]).arg(file).stdin(Stdio::piped()).spawn().unwrap();
+    shell.stdin.take().unwrap().write_all(base64.as_bytes()).unwrap();
+    assert!(shell.wait().unwrap().success(), "pngquant is installed");
 }

@@ -168,9 +168,11 @@ impl Browser {
         self.protocol("Emulation.setDeviceMetricsOverride", &size);
     }
 
-    /// A picture of what the window shows, PNG in base64.
-    pub(crate) fn screenshot(&self) -> String {
-        self.send("GET", "/screenshot", &Value::Null).as_str().unwrap().to_owned()
+    /// A picture of the upper part of the page, scaled; PNG in base64.
+    pub(crate) fn screenshot(&self, width: u32, height: u32, scale: f64) -> String {
+        let clip = json!({"x": 0, "y": 0, "width": width, "height": height, "scale": scale});
+        let picture = self.protocol("Page.captureScreenshot", &json!({"format": "png", "clip": clip}));
+        picture["data"].as_str().unwrap().to_owned()
     }
 
     /// Runs a script before those of every page that is opened.
@@ -179,8 +181,8 @@ impl Browser {
     }
 
     /// Asks the browser past WebDriver, which has no word for it.
-    fn protocol(&self, command: &str, parameters: &Value) {
-        self.send("POST", "/goog/cdp/execute", &json!({"cmd": command, "params": parameters}));
+    fn protocol(&self, command: &str, parameters: &Value) -> Value {
+        self.send("POST", "/goog/cdp/execute", &json!({"cmd": command, "params": parameters}))
     }
 
     /// What `axe-core` finds in the page that is serious or critical: rule, help, and the elements.
