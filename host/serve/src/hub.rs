@@ -19,7 +19,7 @@ use crate::order::{Order, PATIENCE, Task};
 use crate::picture::Picture;
 use crate::program::Program;
 use crate::refusal::{Kind, Refused};
-use crate::server::ServedArm;
+use crate::served_arm::ServedArm;
 use crate::view::{BoardView, EventView, LinkView, LiveView, UploadView};
 
 /// What is older than this is not live: ten times the interval of the questions.

@@ -4,20 +4,14 @@
 //! R_predicted · R_measuredᵀ in rad, as in the diagnosis. It is formed of poses that were measured while the arm rested in the
 //! posture of the picture, by their mean: a pose of a moving arm, or of an earlier word, is compared with nothing.
 
-use std::thread;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{SystemTime, UNIX_EPOCH};
 
 use darm_core::real::Vec3;
 use darm_core::se::{Pose, rotation_exp, rotation_log};
 use serde::Serialize;
 
-use crate::hub::Hub;
 use crate::picture::Tool;
 
-/// Interval at which a source is read.
-const PERIOD: Duration = Duration::from_millis(100);
-/// A source that is lost is opened again after this time.
-const RETRY: Duration = Duration::from_secs(1);
 /// The mean is that of about so many poses: what drifts is followed.
 const MEAN_OF: u32 = 100;
 
@@ -159,33 +153,6 @@ impl Measured {
             residual,
         })
     }
-}
-
-/// Reads a source until the server ends.
-pub(crate) fn follow(hub: &Hub, mut source: PoseSource) {
-    while !hub.has_ended() {
-        let lost = match (source.open)() {
-            Ok(mut reader) => read(hub, &mut *reader),
-            Err(problem) => Some(problem),
-        };
-        lost.into_iter().for_each(|problem| hub.with_measured(|measured| measured.set_problem(problem)));
-        let again = std::time::Instant::now() + RETRY;
-        while std::time::Instant::now() < again && !hub.has_ended() {
-            thread::sleep(PERIOD);
-        }
-    }
-}
-
-/// Reads until the source is lost: why, or `None` where the server ends.
-fn read(hub: &Hub, reader: &mut dyn PoseReader) -> Option<String> {
-    while !hub.has_ended() {
-        match reader.read() {
-            Ok(poses) => hub.with_measured(|measured| measured.add(&poses)),
-            Err(problem) => return Some(problem),
-        }
-        thread::sleep(PERIOD);
-    }
-    None
 }
 
 /// Unix time now, s.

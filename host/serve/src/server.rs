@@ -13,7 +13,6 @@ use axum::http::header::{self, HeaderName, HeaderValue};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
-use darm_arm::wired_arm::WiredArm;
 use darm_device::client::stop::StopHandle;
 use darm_device::link::{Link, LinkError};
 use tokio::sync::oneshot;
@@ -24,8 +23,11 @@ use crate::assets::ASSETS;
 use crate::connections::{self, PATIENCE};
 use crate::history::{self, History, HistoryError, ModelEntry};
 use crate::hub::{Hub, HubParts};
-use crate::measured::{self, PoseSource};
+use crate::measured::PoseSource;
+use crate::pose_reader;
 use crate::refusal::Refused;
+pub use crate::served_arm::ServedArm;
+use crate::served_arm::file_name;
 use crate::watcher::Watcher;
 use crate::{api, diagnosis, pages, reach};
 
@@ -62,14 +64,6 @@ pub struct Config {
     pub poses: Option<PoseSource>,
     /// Where what is seen is kept, if it is.
     pub history: Option<History>,
-}
-
-/// The arm of a server.
-pub struct ServedArm {
-    /// The arm on its board.
-    pub wired: WiredArm,
-    /// Its file, as a person named it.
-    pub file: String,
 }
 
 /// How the board is reached.
@@ -180,7 +174,7 @@ impl Drop for Server {
 fn follow_poses(hub: &Arc<Hub>, source: PoseSource) -> io::Result<JoinHandle<()>> {
     hub.with_measured(|measured| measured.set_source(&source.name));
     let hub = Arc::clone(hub);
-    thread::Builder::new().name("poses".into()).spawn(move || measured::follow(&hub, source))
+    thread::Builder::new().name("poses".into()).spawn(move || pose_reader::follow(&hub, source))
 }
 
 /// Records the arm of the server.
@@ -189,11 +183,6 @@ fn add_arm(history: &History, ServedArm { wired, file: path }: &ServedArm) -> Re
     let (digest, file, number) = (arm.hash().to_string(), arm.to_toml(), arm.model.number);
     let model = ModelEntry { digest: &digest, name: file_name(path), number: Some(number), parent: None, file: &file };
     history.add_model(&model, history::now_ms())
-}
-
-/// The name of a file without its folder.
-pub(crate) fn file_name(path: &str) -> &str {
-    path.rsplit('/').next().unwrap_or(path)
 }
 
 fn router(hub: Arc<Hub>, access: Access) -> Router {

@@ -32,18 +32,15 @@ impl UploadMemory {
     /// Memory for a body of this length, before any of it is read.
     fn reserve(&self, bytes: usize) -> Result<OwnedSemaphorePermit, Refused> {
         let blocks = u32::try_from(bytes.div_ceil(BLOCK)).unwrap_or(u32::MAX);
-        let free = || self.0.available_permits() * BLOCK >> 20;
-        let full = |_| {
-            let (all, wanted, free) = (MAX_UPLOADS >> 20, bytes >> 20, free());
-            Refused::new(
-                Kind::Refused,
-                format!(
-                    "other pages send files: {free} of {all} MB for files are free, and these have {wanted} MB; try again \
-                     in a moment"
-                ),
-            )
-        };
-        Arc::clone(&self.0).try_acquire_many_owned(blocks).map_err(full)
+        Arc::clone(&self.0).try_acquire_many_owned(blocks).map_err(|_| self.full(bytes))
+    }
+
+    fn full(&self, bytes: usize) -> Refused {
+        let (all, wanted, free) = (MAX_UPLOADS >> 20, bytes >> 20, (self.0.available_permits() * BLOCK) >> 20);
+        let text = format!(
+            "other pages send files: {free} of {all} MB for files are free, and these have {wanted} MB; try again in a moment"
+        );
+        Refused::new(Kind::Refused, text)
     }
 }
 

@@ -7,7 +7,7 @@ use serde_json::Value;
 use crate::history::Kind as Entry;
 use crate::hub::Hub;
 use crate::refusal::{Kind, Refused};
-use crate::server;
+use crate::served_arm;
 
 /// Models of the history that are offered, the newest.
 const MAX_MODELS: u32 = 50;
@@ -70,7 +70,7 @@ impl KnownModel {
 
 /// Name of the file that the server was started with.
 fn served_name(hub: &Hub) -> String {
-    file_name(server::file_name(hub.arm_file().unwrap_or_default()))
+    file_name(served_arm::file_name(hub.arm_file().unwrap_or_default()))
 }
 
 /// A name that a file can have; earlier versions kept the arm of the server under the name inside its file.
