@@ -7,6 +7,7 @@ mod column_readings;
 mod comparison;
 pub(crate) mod poses;
 pub(crate) mod signals;
+pub(crate) mod training;
 
 use crate::measurement::root_mean_square;
 use crate::outcome::OtherReading;

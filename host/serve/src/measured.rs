@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use crate::picture::Tool;
 
-/// The mean is that of about so many poses: what drifts is followed.
+/// About how many poses the mean is of: what drifts is followed.
 const MEAN_OF: u32 = 100;
 
 /// Where measured poses come from.

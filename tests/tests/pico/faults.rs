@@ -114,7 +114,7 @@ fn a_hard_fault_disables_the_outputs_wherever_the_stack_pointer_is() {
     for pointer in [0x1fff_ff00, 0x2000_1000, 0x2000_5ff8, 0x2004_2000, 0xffff_fff0] {
         let mut client = bench.connect();
         play(&bench, &mut client);
-        bench.with(|board| board.hard_fault(pointer));
+        bench.with(move |board| board.hard_fault(pointer));
         bench.board.pass(0.001);
         assert_eq!(bench.lines(), 0, "{pointer:#x}");
         bench.board.pass(1.0);

@@ -27,7 +27,7 @@ use embassy_rp::pac;
 use embassy_rp::rom_data::reset_to_usb_boot;
 use embassy_time::{Instant, Timer};
 
-use crate::chain::Chain;
+use crate::chain::{Chain, ENABLE};
 use crate::flash::{Flash, unique_id};
 use crate::{adc, servos, watchdog};
 
@@ -36,8 +36,6 @@ const INPUTS: usize = 13;
 const JUMPER: usize = 22;
 /// Pulse to a camera.
 const SYNC: usize = 19;
-/// Output enable of the chain, active low.
-pub(crate) const ENABLE: usize = 5;
 
 /// The number in the name of a pin, `GP5`; none where it is named otherwise.
 const fn number(name: &str) -> usize {

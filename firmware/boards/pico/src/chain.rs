@@ -9,7 +9,8 @@ use embassy_rp::{Peri, bind_interrupts, pac};
 use fixed::FixedU32;
 use fixed::types::extra::U8;
 
-use crate::board::ENABLE;
+/// Output enable of the chain, active low.
+pub(crate) const ENABLE: usize = 5;
 
 bind_interrupts!(struct Irqs {
     PIO0_IRQ_0 => InterruptHandler<PIO0>;

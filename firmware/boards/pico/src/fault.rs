@@ -10,7 +10,8 @@ use cortex_m_rt::exception;
 use darm_core::wire::bootstrap::CrashKind;
 use darm_firmware::crash::{Registers, end, panicked};
 
-use crate::board::{Board, ENABLE};
+use crate::board::Board;
+use crate::chain::ENABLE;
 
 #[panic_handler]
 fn panic(info: &PanicInfo) -> ! {

@@ -22,7 +22,7 @@ use crate::ui::{Answer, Ui};
 const EXAMPLES: &str = "\
 Examples:
   darm serve arm.toml                          # the only board there is, with this arm on it
-  darm serve arm.toml --poses sim              # with the poses that the camera of `darm sim` measures
+  darm serve arm.toml --poses sim              # with the poses that the simulated camera sees
   darm serve arm.toml --listen 127.0.0.1:0     # at a free port
   darm serve                                   # without a picture
 

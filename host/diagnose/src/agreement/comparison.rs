@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use rayon::prelude::{IntoParallelIterator as _, ParallelIterator as _};
 
 use super::column_readings::{Hypothesis, around};
-use super::signals::{AGREES, FOLLOWS, OTHER_UNIT, Training, trimmed_of_axis, variation};
+use super::training::{AGREES, FOLLOWS, OTHER_UNIT, Training, trimmed_of_axis, variation};
 use crate::effect::Law;
 use crate::error::MIN_PIECES;
 use crate::linearise::experiment::{Columns, Experiment};

@@ -193,6 +193,6 @@ fn check_numbers(model: &Model, data: &Prepared, experiment: &Experiment) -> Res
     let Columns { measured, moving } = columns(model, data);
     let mut names = measured.into_iter().chain(moving.into_iter().map(|joint| joint.columns)).flatten();
     let line = experiment.rows[at / experiment.axes.len()].line;
-    let cause = names.find_map(|name| data.first_without_number(&name, LARGEST));
+    let cause = names.find_map(|name| data.first_not_a_number(&name, LARGEST));
     Err(cause.map_or(DiagnoseError::NotANumber { line }, DiagnoseError::from))
 }

@@ -102,7 +102,7 @@ fn chance_of_gain(selected: &SelectedSignals) -> f64 {
 
 /// Whether effects take half of the mean square of the rows that fits see, without what is far off.
 fn is_halved(experiment: &Experiment, after: &[f64]) -> bool {
-    let size = |residuals: &[f64]| agreement::signals::size(experiment, &experiment.of_rows(residuals, false)).powi(2);
+    let size = |residuals: &[f64]| agreement::training::size(experiment, &experiment.of_rows(residuals, false)).powi(2);
     size(after) < MAX_PARTLY_LEFT * size(&experiment.residuals)
 }
 
@@ -125,7 +125,7 @@ impl Rest {
                 Self { is_far_from_repeats, noise_dof: scatter.dof }
             }
             RepeatedIn::Neighbours => {
-                let size = agreement::signals::size(experiment, &rows);
+                let size = agreement::training::size(experiment, &rows);
                 let noise_dof = if size > MAX_LEFT * noise { 0 } else { scatter.dof };
                 Self { is_far_from_repeats: noise > 0.0 && size > FAR * noise, noise_dof }
             }

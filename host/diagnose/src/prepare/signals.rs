@@ -13,7 +13,7 @@ use crate::prepare::column_reading::ColumnReading;
 pub use crate::prepare::error::PrepareError;
 use crate::prepare::groups::Row;
 use crate::prepare::sampling::{self, Sampling};
-use crate::prepare::table_findings::{check_times, constant, leave_out_gaps, units};
+use crate::prepare::table_findings::{check_times, constant, first_not_a_number, leave_out_gaps, units};
 use crate::prepare::thinning::one_of_each_part;
 
 /// Rows up to which all are looked at where nothing is said.
@@ -237,22 +237,9 @@ impl Prepared {
         self.reading.numbers(&self.all.table, quantity)
     }
 
-    /// The line of the first row in which a quantity has no number below `largest`, and what is to be said of it.
-    pub(crate) fn first_without_number(&self, quantity: &str, largest: f64) -> Option<PrepareError> {
-        let table = &self.all.table;
-        let column = table.quantity(quantity)?;
-        let without = |number: &f64| number.is_nan() || number.abs() >= largest;
-        let row = column.numbers.iter().position(without)?;
-        let (name, cell, n_rows) = (&column.name, &column.words[row], column.numbers.len());
-        let n_without = column.numbers.iter().filter(|number| without(number)).count();
-        let cure = match cell.replace(',', ".").parse::<f64>() {
-            Ok(number) if number.abs() < largest => {
-                "write numbers with a decimal point, or convert the file with darm import"
-            }
-            _ => "correct the column, or leave rows out with --where",
-        };
-        let what = format!("{name} is `{cell}`, and {n_without} of {n_rows} rows have no number there; {cure}");
-        Some(PrepareError::Row { line: table.lines[row], what })
+    /// Why the first row in which a quantity is not a number below `largest` cannot be used; `None` where there is none.
+    pub(crate) fn first_not_a_number(&self, quantity: &str, largest: f64) -> Option<PrepareError> {
+        first_not_a_number(&self.all.table, quantity, largest)
     }
 
     /// Whether a quantity changes within the stretches: where a robot is measured at rest, posture after posture, none does.

@@ -62,6 +62,23 @@ pub(super) fn leave_out_gaps(table: &mut Table, findings: &mut Vec<Finding>) {
     }
 }
 
+/// Why the first row in which a quantity is not a number below `largest` cannot be used; `None` where there is none.
+pub(super) fn first_not_a_number(table: &Table, quantity: &str, largest: f64) -> Option<PrepareError> {
+    let column = table.quantity(quantity)?;
+    let is_none = |number: &f64| number.is_nan() || number.abs() >= largest;
+    let row = column.numbers.iter().position(is_none)?;
+    let (name, cell, n_rows) = (&column.name, &column.words[row], column.numbers.len());
+    let n_none = column.numbers.iter().filter(|number| is_none(number)).count();
+    let cure = match cell.replace(',', ".").parse::<f64>() {
+        Ok(number) if number.abs() < largest => {
+            "write numbers with a decimal point, or convert the file with darm import"
+        }
+        _ => "correct the column, or leave rows out with --where",
+    };
+    let what = format!("{name} is `{cell}`, not a number, as in {n_none} of {n_rows} rows; {cure}");
+    Some(PrepareError::Row { line: table.lines[row], what })
+}
+
 /// Columns that never change.
 pub(super) fn constant(table: &Table, findings: &mut Vec<Finding>) {
     for column in table.columns.iter().filter(|column| column.numbers.len() > 10) {

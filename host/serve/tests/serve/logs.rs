@@ -48,7 +48,7 @@ fn look(bench: &Bench, text: &str, columns: Value) -> Value {
 
 fn served(bench: &Bench) -> String {
     let models = bench.get("/api/diagnosis/models");
-    assert_eq!((&models[0]["is_served"], &models[0]["name"]), (&json!(true), &json!("planar4.toml")), "{models}");
+    assert_eq!((&models[0]["is_served"], &models[0]["name"]), (&json!(true), &json!(Bench::FILE)), "{models}");
     models[0]["digest"].as_str().unwrap().into()
 }
 
@@ -141,5 +141,5 @@ fn a_person_with_a_log_alone_writes_a_corrected_model() {
     browser.click("#diagnose");
     browser.wait("document.querySelector('#verdict-section')?.dataset.verdict === 'effect-found'");
     browser.click("#write");
-    browser.wait("document.querySelector('#actions-note').textContent.startsWith('Wrote planar4-1.toml')");
+    browser.wait("document.querySelector('#actions-note').textContent.startsWith('Wrote bench-1.toml')");
 }
