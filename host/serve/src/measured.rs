@@ -20,7 +20,6 @@ pub struct PoseSource {
     /// As a person named it.
     pub name: String,
     /// Opens it; the error is a sentence.
-    #[expect(clippy::type_complexity, reason = "it is written once")]
     pub open: Box<dyn FnMut() -> Result<Box<dyn PoseReader>, String> + Send>,
 }
 

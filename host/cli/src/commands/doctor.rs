@@ -206,7 +206,7 @@ fn board(client: &Client) -> Check {
     if client.hello().is_some() {
         Check::good("board", found)
     } else {
-        Check::wrong("board", found, &Refusal::Protocol { board: version.protocol }.to_string())
+        Check::wrong("board", found, Refusal::Protocol { board: version.protocol }.to_string())
     }
 }
 

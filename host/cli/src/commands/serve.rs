@@ -112,7 +112,7 @@ impl Serve {
         let name = self.port.name()?;
         let token = self.token.as_deref().filter(|token| !token.is_empty()).map(Token::new).transpose();
         let token = token.map_err(|error| Usage(error.to_string()))?;
-        let served = arm.as_ref().map(|arm| ServedFile::of(arm));
+        let served = arm.as_ref().map(ServedFile::of);
         let opened = name.clone();
         let board = BoardPort {
             name: name.clone(),
