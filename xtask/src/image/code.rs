@@ -1,6 +1,7 @@
 //! The functions of a linked image: their stack frames and whom they call, read from the machine code.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
@@ -14,6 +15,8 @@ pub(crate) struct Image {
     pub(crate) functions: BTreeMap<u32, Function>,
     /// Constant bytes: code and read-only data, by their addresses.
     constants: Vec<(u32, Vec<u8>)>,
+    /// Where instructions begin.
+    instructions: BTreeSet<u32>,
     /// Lowest and one beyond the highest address of the stack.
     stack: Option<(u32, u32)>,
 }
@@ -69,10 +72,12 @@ impl Image {
             sections.map(|section| Ok((section.address() as u32, section.data()?.to_vec()))).collect::<Result<_>>()?;
         let address = |name: &str| file.symbol_by_name(name).map(|symbol| symbol.address() as u32);
         let stack = address("_stack_end").zip(address("_stack_start"));
-        let mut image = Self { functions: BTreeMap::new(), constants, stack };
+        let mut image = Self { functions: BTreeMap::new(), constants, instructions: BTreeSet::new(), stack };
         let stretches = stretches(&file);
         for (address, size, name) in symbols(&file) {
-            let function = image.function(address, size, name, &stretches);
+            let operations = image.operations(address, size, &stretches);
+            image.instructions.extend(operations.iter().map(|(at, _)| *at));
+            let function = image.function(address..address + size, name, operations);
             image.functions.entry(address).or_insert(function);
         }
         if image.functions.is_empty() {
@@ -85,7 +90,7 @@ impl Image {
     /// An image of functions alone.
     #[cfg(test)]
     pub(crate) fn of(functions: BTreeMap<u32, Function>) -> Self {
-        Self { functions, constants: Vec::new(), stack: None }
+        Self { functions, constants: Vec::new(), instructions: BTreeSet::new(), stack: None }
     }
 
     /// Bytes of the stack's memory.
@@ -111,15 +116,15 @@ impl Image {
         Ok(())
     }
 
-    fn function(&self, address: u32, size: u32, name: String, stretches: &BTreeMap<u32, Stretch>) -> Function {
+    fn function(&self, inside: Range<u32>, name: String, operations: Vec<(u32, Op)>) -> Function {
         let mut function = Function { name, ..Function::default() };
         let is_thunk = function.name.starts_with(THUNK);
-        let (inside, mut low, mut literals) = (address..address + size, BTreeMap::new(), BTreeMap::new());
+        let (mut low, mut literals) = (BTreeMap::new(), BTreeMap::new());
         let mut below_frame = None;
-        for (at, op) in self.operations(address, size, stretches) {
+        for (at, op) in operations {
             match op {
                 // An ARMv6-M has no other branch that reaches the end of a long function.
-                Op::Call(to) if to != address && inside.contains(&to) => {}
+                Op::Call(to) if to != inside.start && inside.contains(&to) => {}
                 Op::Call(to) => function.calls.push(Call { at, to, is_tail: false }),
                 Op::Branch(to) if !inside.contains(&to) => function.calls.push(Call { at, to, is_tail: true }),
                 Op::CallRegister | Op::BranchRegister => function.calls_indirectly = true,
@@ -186,7 +191,9 @@ impl Image {
     pub(crate) fn address_taken(&self) -> BTreeSet<u32> {
         let branches: BTreeSet<u32> = self.functions.values().filter_map(|function| function.branch_target).collect();
         let words = self.constants.iter().flat_map(|(base, bytes)| (*base..).step_by(4).zip(bytes.chunks_exact(4)));
-        let words = words.filter(|(at, _)| !branches.contains(at));
+        // Two halves of instructions can look like an address.
+        let is_code = |at: u32| self.instructions.range(at..at + 4).next().is_some();
+        let words = words.filter(|(at, _)| !branches.contains(at) && !is_code(*at));
         let values = words.filter_map(|(_, word)| Some(u32::from_le_bytes(word.try_into().ok()?)));
         let in_data = values.filter(|value| value & 1 == 1).map(|value| value & !1);
         let in_code = self.functions.values().flat_map(|function| function.constants.iter().copied());
@@ -255,4 +262,21 @@ fn stretches(file: &object::File<'_>) -> BTreeMap<u32, Stretch> {
         Some((from, Stretch { from, is_code }))
     });
     mapping.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_halves_of_instructions_are_not_an_address() {
+        let word = 0x11u32.to_le_bytes().to_vec();
+        let taken = |instructions: &[u32]| {
+            let functions = BTreeMap::from([(0x10, Function::default())]);
+            let instructions = instructions.iter().copied().collect();
+            Image { functions, constants: vec![(0, word.clone())], instructions, stack: None }.address_taken()
+        };
+        assert_eq!(taken(&[4]), BTreeSet::from([0x10]));
+        assert!(taken(&[0]).is_empty() && taken(&[2]).is_empty());
+    }
 }
