@@ -25,8 +25,8 @@ pub(crate) struct Layouts {
     /// Of each layout: how many clean arms, and as many changed ones.
     pub(super) arms: u64,
     pub(super) first_seed: u64,
-    /// One layout only; `None`: all of them.
-    pub(super) layout: Option<Layout>,
+    /// These layouts only; without any all of them.
+    pub(super) layouts: Vec<Layout>,
     /// Whether a line is printed for every wrong answer, as it comes.
     #[serde(skip)]
     pub(super) wrong: bool,
@@ -44,7 +44,7 @@ pub(crate) struct Outcome {
 
 impl Layouts {
     fn layouts(&self) -> Vec<Layout> {
-        self.layout.map_or_else(|| Layout::value_variants().to_vec(), |layout| vec![layout])
+        if self.layouts.is_empty() { Layout::value_variants().to_vec() } else { self.layouts.clone() }
     }
 
     /// Layout, class and seed of an item.

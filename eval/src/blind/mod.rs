@@ -56,9 +56,9 @@ pub(crate) struct Blind {
     /// Diagnose N logs of every sort of wrong model, wrong log and unusable log, in place of the seeds
     #[arg(long, value_name = "N", conflicts_with_all = ["seeds", "arm", "mechanisms", "layouts"])]
     damages: Option<u64>,
-    /// One layout only
-    #[arg(long, value_enum, requires = "layouts")]
-    layout: Option<Layout>,
+    /// These layouts only
+    #[arg(long, value_enum, value_delimiter = ',', requires = "layouts")]
+    layout: Vec<Layout>,
     #[command(flatten)]
     spread: Spread,
 }
@@ -116,7 +116,7 @@ impl Blind {
         }
         if let Some(arms) = self.layouts {
             let Job { first_seed, wrong, .. } = self.job;
-            return items::run(&Layouts { arms, first_seed, layout: self.layout, wrong }, &self.spread);
+            return items::run(&Layouts { arms, first_seed, layouts: self.layout.clone(), wrong }, &self.spread);
         }
         if let Some(logs) = self.damages {
             let Job { first_seed, wrong, .. } = self.job;
@@ -236,8 +236,8 @@ mod tests {
     /// A sample; `blind --layouts` has all of them. The second of these clean arms once got a step in its last rows.
     #[test]
     fn an_arm_without_effects_gets_no_name_in_a_layout_without_anything_to_compare() {
-        let layout = Some(Layout::NothingToCompare);
-        let job = Layouts { arms: 2, first_seed: 0, layout, wrong: false };
+        let layouts = vec![Layout::NothingToCompare];
+        let job = Layouts { arms: 2, first_seed: 0, layouts, wrong: false };
         let bench = job.bench(Shard::ALL).unwrap();
         for clean in [0, 2] {
             let outcome = job.run(&bench, clean).unwrap();
@@ -250,7 +250,7 @@ mod tests {
     #[test]
     fn what_hardly_shows_in_torques_gets_no_wrong_name() {
         let outcome = |layout, first_seed, item| {
-            let job = Layouts { arms: 2, first_seed, layout: Some(layout), wrong: false };
+            let job = Layouts { arms: 2, first_seed, layouts: vec![layout], wrong: false };
             job.run(&job.bench(Shard::ALL).unwrap(), item).unwrap()
         };
         assert!(!outcome(Layout::RoundedStamps, 300_002, 0).answer.is_wrong());

@@ -11,7 +11,7 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use crate::refusal::{Kind, Refused};
 use crate::upload::{MAX_FILES, MAX_UPLOADS};
 
-/// A permit is for so many bytes.
+/// Bytes that one permit is for.
 const BLOCK: usize = 1 << 10;
 
 /// What is left of the memory of uploads.

@@ -1,4 +1,4 @@
-//! The training rows of signals: what was predicted and measured, and how large errors are beside it.
+//! The training rows of signals: what was predicted and measured, and the size of an error as a share of it.
 
 use super::trimmed_root_mean_square;
 use crate::linearise::experiment::Experiment;

@@ -70,7 +70,7 @@ fn a_log_of_another_program_is_diagnosed_with_the_arm_of_the_server() {
     let result = send(&bench, "/api/diagnosis/run", &text, head);
     assert_eq!((result.status, result.json()["verdict"].as_str()), (200, Some("effect-found")), "{}", result.json());
     let corrected = &result.json()["corrected"];
-    assert_eq!(corrected["name"], "planar4-1.toml");
+    assert_eq!(corrected["name"], "bench-1.toml");
     // It is the model of the next diagnosis.
     let models = bench.get("/api/diagnosis/models");
     let next = models.as_array().unwrap().iter().find(|model| model["name"] == corrected["name"]).unwrap();
