@@ -44,18 +44,22 @@ pub(crate) fn start(uart: Peri<'static, UART0>, tx: Peri<'static, PIN_0>, rx: Pe
     Port(sender)
 }
 
+#[cold]
+fn count(errors: [bool; 4]) {
+    for (count, _) in ERRORS.iter().zip(errors).filter(|(_, has_failed)| *has_failed) {
+        count.store(count.load(Ordering::Relaxed).saturating_add(1), Ordering::Relaxed);
+    }
+}
+
 #[interrupt]
 fn UART0_IRQ() {
     while !pac::UART0.uartfr().read().rxfe() {
         let received = pac::UART0.uartdr().read();
         // A byte that finds the queue full is lost, and the packet with it: the bus asks again.
         let dropped = !RECEIVED.push(received.data());
-        for (count, has_failed) in
-            ERRORS.iter().zip([received.oe(), received.fe() || received.be(), received.pe(), dropped])
-        {
-            if has_failed {
-                count.store(count.load(Ordering::Relaxed).saturating_add(1), Ordering::Relaxed);
-            }
+        let [overrun, framing] = [received.oe(), received.fe() || received.be()];
+        if overrun || framing || received.pe() || dropped {
+            count([overrun, framing, received.pe(), dropped]);
         }
     }
     pac::UART0.uarticr().write(|w| {
