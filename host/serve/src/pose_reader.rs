@@ -10,6 +10,7 @@ use crate::measured::{PoseReader, PoseSource};
 const PERIOD: Duration = Duration::from_millis(100);
 /// A source that is lost is opened again after this time.
 const RETRY: Duration = Duration::from_secs(1);
+
 /// Reads a source until the server ends.
 pub(crate) fn follow(hub: &Hub, mut source: PoseSource) {
     while !hub.has_ended() {

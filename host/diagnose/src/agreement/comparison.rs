@@ -125,12 +125,7 @@ impl Comparison<'_> {
             Laws::All => predicted_in_turn(experiment, groups, None),
             Laws::AllBut(law) => predicted_in_turn(experiment, groups, Some(law)),
         };
-        let of = |numbers: &[f64], axis: usize| trimmed_of_axis(numbers, axis, n_axes);
-        let axes: Vec<AxisLeft> = (0..n_norm)
-            .map(|axis| AxisLeft { axis, left: of(&residuals, axis), measured: of(&measured, axis) })
-            .filter(|axis| axis.measured > 0.0)
-            .collect();
-        Left::of(&axes, &residuals, n_axes, &blocks)
+        Left::of(&AxisLeft::of_norm(n_norm, n_axes, &residuals, &measured), &residuals, n_axes, &blocks)
     }
 }
 
@@ -151,12 +146,22 @@ impl AsItIs<'_> {
 
 /// The errors of one axis.
 pub(super) struct AxisLeft {
-    pub(super) axis: usize,
-    pub(super) left: f64,
-    pub(super) measured: f64,
+    axis: usize,
+    left: f64,
+    measured: f64,
 }
 
 impl AxisLeft {
+    /// Those of the axes of the norm, the first `n_norm` of `n_axes`, on which something was measured: of residuals and of what
+    /// was measured less its mean, rows × axes both.
+    pub(super) fn of_norm(n_norm: usize, n_axes: usize, residuals: &[f64], measured: &[f64]) -> Vec<Self> {
+        let of = |axis: usize| {
+            let [left, measured] = [residuals, measured].map(|rows| trimmed_of_axis(rows, axis, n_axes));
+            Self { axis, left, measured }
+        };
+        (0..n_norm).map(of).filter(|axis| axis.measured > 0.0).collect()
+    }
+
     /// The logarithm of the error as a share of what was measured.
     pub(super) fn log(&self) -> f64 {
         (self.left / self.measured).max(f64::MIN_POSITIVE).ln()

@@ -4,7 +4,7 @@ use std::f64::consts::FRAC_PI_2;
 
 use super::column_readings::{hypotheses, units};
 use super::comparison::{AxisLeft, Better, Comparison, Laws};
-use super::training::{Training, size, trimmed_of_axis, variation};
+use super::training::{Training, size, variation};
 use super::{Agreement, FEW};
 use crate::effect::Law;
 use crate::linearise::columns;
@@ -91,12 +91,8 @@ impl Contest {
     ) -> Option<OtherReading> {
         let training = Training::of(experiment)?;
         let measured = variation(experiment, &training.measured);
-        let n_axes = experiment.axes.len();
-        let axis = |axis: usize| {
-            let [left, measured] = [predicted, &measured].map(|rows| trimmed_of_axis(rows, axis, n_axes));
-            (measured > 0.0).then(|| AxisLeft { axis, left, measured }.log())
-        };
-        let log: f64 = (0..experiment.n_norm).filter_map(axis).sum();
+        let axes = AxisLeft::of_norm(experiment.n_norm, experiment.axes.len(), predicted, &measured);
+        let log: f64 = axes.iter().map(AxisLeft::log).sum();
         (log > self.log || effects.iter().any(|effect| self.is_said_by(effect))).then_some(self.reading)
     }
 
