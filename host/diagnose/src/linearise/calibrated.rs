@@ -70,8 +70,8 @@ pub fn calibrated(robot: &Robot, tool: Option<&str>, effects: &[ModelEffect]) ->
                 let turns = effect.numbers(TURNS)?;
                 changes[k].1 += first * turns[0] + second * turns[1];
             }
-            // Where the instrument is moves no part of the robot.
-            Law::SensorFrame => {}
+            // Where the instrument is, and how long it shows 1 m, moves no part of the robot.
+            Law::SensorFrame | Law::Scale => {}
             Law::JointCompliance | Law::LinkCompliance => return Err(depends("load")),
             _ => return Err(depends("posture")),
         }

@@ -28,6 +28,8 @@ pub(super) enum Fault {
         offset: f64,
         ripple: f64,
     },
+    /// Its encoder shows so much less of each turn.
+    Gear(f64),
     /// Its frame is turned (rad) and moved (m).
     Frame {
         turn: [f64; 3],
@@ -85,6 +87,7 @@ impl Faulty {
         match self.fault {
             Fault::None | Fault::Frame { .. } => {}
             Fault::Encoder { offset, ripple } => q[JOINT] += offset + ripple * (q[JOINT] + 0.5).sin(),
+            Fault::Gear(scale) => q[JOINT] *= 1.0 + scale,
             Fault::Soft { along, across } => robot = Cow::Owned(self.bent(shown, along, across)),
             Fault::Tool(shift) => tip = shift.into(),
         }
@@ -119,11 +122,12 @@ pub(super) fn named(found: &Diagnosis) -> String {
     if found.verdict == Verdict::EffectFound { effects } else { format!("{} {effects}", found.verdict) }
 }
 
-pub(super) fn cases() -> [(&'static str, Fault); 8] {
+pub(super) fn cases() -> [(&'static str, Fault); 9] {
     [
         ("too-little-data ", Fault::None),
         ("joint-offset joint 4", Fault::Encoder { offset: 0.01, ripple: 0.0 }),
         ("encoder-periodic joint 4", Fault::Encoder { offset: 0.0, ripple: 0.005 }),
+        ("encoder-scale joint 4", Fault::Gear(0.002)),
         ("axis-error joint 4", Fault::Frame { turn: [0.004, 0.003, 0.0], shift: [0.0; 3] }),
         ("link-error joint 4", Fault::Frame { turn: [0.0; 3], shift: [0.002, 0.003, 0.0] }),
         ("joint-compliance joint 4", Fault::Soft { along: 2e-4, across: 0.0 }),

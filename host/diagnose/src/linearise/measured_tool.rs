@@ -8,6 +8,8 @@
 //! `sensor-frame`: S = (exp θ, d). Where its frame is unknown, S is no effect: at any values it is what brings the robot
 //! nearest to the training rows (W. Kabsch, Acta Cryst. A32 (1976) 922), and the columns are those that are left beside
 //! its own (G. H. Golub, V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413, variable projection).
+//!
+//! Law `scale`: the instrument shows lengths 1 + s times as long, so that the tool is at 1 + s times its place in the robot.
 
 use darm_core::real::{Mat3, Vec3};
 use darm_core::se::{Pose, Twist, rotation_exp, rotation_jacobian, rotation_log};
@@ -31,6 +33,8 @@ const FRAME_PRIORS: [f64; 2] = [0.02, 0.02];
 const RANK_TOL: f64 = 1e-9;
 /// Values of the instrument's frame: d, θ.
 const FRAME_VALUES: usize = 6;
+/// How far its scale may be off: bars that photogrammetry takes its lengths from are a few tenths of a millimetre in a metre off.
+const SCALE_PRIOR: f64 = 1e-3;
 
 /// How the tool was measured.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,11 +55,12 @@ struct ToolRows {
     fits_frame: Option<Vec<bool>>,
 }
 
-/// A prediction: the robot's base in the instrument's frame, and the tool in each row.
+/// A prediction: the robot's base in the instrument's frame, the tool in each row, and how long the instrument shows 1 m.
 struct Predicted {
     chains: Vec<FrameChain>,
     base: Pose<f64>,
     tools: Vec<Pose<f64>>,
+    scale: f64,
 }
 
 /// The experiment of measured tool positions or poses.
@@ -69,8 +74,9 @@ pub(crate) fn experiment(data: &Prepared, robot: &Robot, how: &MeasuredTool) -> 
     let mut columns = columns.into_iter();
     let mut candidates = rows.chain.candidates(&mut columns);
     if how.in_base_frame {
-        candidates.push(instrument_frame(columns));
+        candidates.push(instrument_frame(&mut columns));
     }
+    candidates.push(instrument_scale(columns));
     let mut axes: Vec<Axis> = POSITION.map(|name| Axis::new(name, "m")).into();
     if how.oriented {
         axes.extend(["about x", "about y", "about z"].map(|name| Axis::new(name, "rad")));
@@ -131,44 +137,63 @@ fn instrument_frame(mut columns: impl Iterator<Item = Vec<f64>>) -> Candidate {
         column: columns.next().expect("a column for each value"),
     };
     let values = moved.into_iter().chain(turned).map(value).collect();
-    let site = Site::new(Place::Instrument, "the measuring instrument");
-    Candidate { law: Law::SensorFrame, site, shape: None, values }
+    Candidate { law: Law::SensorFrame, site: instrument(), shape: None, values }
+}
+
+/// By how much the instrument shows lengths too long; its column is the last one.
+fn instrument_scale(mut columns: impl Iterator<Item = Vec<f64>>) -> Candidate {
+    let column = columns.next().expect("a column for the scale");
+    let value = Value { name: "stretch".into(), unit: "1".into(), prior: SCALE_PRIOR, min: f64::NEG_INFINITY, column };
+    Candidate { law: Law::Scale, site: instrument(), shape: None, values: vec![value] }
+}
+
+fn instrument() -> Site {
+    Site::new(Place::Instrument, "the measuring instrument")
 }
 
 impl ToolRows {
     fn n_values(&self) -> usize {
-        self.chain.n_values() + if self.fits_frame.is_none() { FRAME_VALUES } else { 0 }
+        self.chain.n_values() + if self.fits_frame.is_none() { FRAME_VALUES } else { 0 } + 1
     }
 
     /// Residuals and columns at these values.
     fn at(&self, values: &[f64]) -> (Vec<f64>, Vec<Vec<f64>>) {
-        let (own, frame) = values.split_at(self.chain.n_values());
+        let (own, of_instrument) = values.split_at(self.chain.n_values());
+        let (stretch, frame) = of_instrument.split_last().expect("the scale is the last value");
         let frame = if frame.is_empty() { [0.0; FRAME_VALUES].as_slice() } else { frame };
         let (shift, turn) = (Vec3::from_column_slice(&frame[..3]), Vec3::from_column_slice(&frame[3..]));
-        let predicted = self.predicted(own, Pose { rotation: rotation_exp(&turn), position: shift });
+        let predicted = self.predicted(own, Pose { rotation: rotation_exp(&turn), position: shift }, 1.0 + stretch);
         let pairs = predicted.tools.iter().zip(&self.measured);
         let residuals = pairs.flat_map(|(predicted, measured)| self.axes(residual(predicted, measured))).collect();
         let mut columns = self.chain_columns(own, &predicted);
         let of_frame = self.frame_columns(&predicted, &turn);
+        let of_scale = self.scale_column(&predicted);
         match &self.fits_frame {
-            None => columns.extend(of_frame),
-            Some(fits) => self.project_out(&mut columns, &of_frame, fits),
+            None => {
+                columns.extend(of_frame);
+                columns.push(of_scale);
+            }
+            Some(fits) => {
+                columns.push(of_scale);
+                self.project_out(&mut columns, &of_frame, fits);
+            }
         }
         (residuals, columns)
     }
 
-    fn predicted(&self, own: &[f64], base: Pose<f64>) -> Predicted {
+    fn predicted(&self, own: &[f64], base: Pose<f64>, scale: f64) -> Predicted {
         let chains = self.chain.frames(own);
-        let base = self.fits_frame.as_ref().map_or(base, |fits| self.nearest_base(&chains, fits));
-        let tools = chains.iter().map(|chain| base * chain.tool).collect();
-        Predicted { chains, base, tools }
+        let base = self.fits_frame.as_ref().map_or(base, |fits| self.nearest_base(&chains, scale, fits));
+        let seen = |tool: &Pose<f64>| Pose { position: tool.position * scale, ..*tool };
+        let tools = chains.iter().map(|chain| base * seen(&chain.tool)).collect();
+        Predicted { chains, base, tools, scale }
     }
 
     /// The base that brings the tool nearest to what was measured in the rows that take part.
-    fn nearest_base(&self, chains: &[FrameChain], fits: &[bool]) -> Pose<f64> {
+    fn nearest_base(&self, chains: &[FrameChain], scale: f64, fits: &[bool]) -> Pose<f64> {
         let pairs: Vec<(Vec3<f64>, Vec3<f64>)> = (0..chains.len())
             .filter(|row| fits[*row])
-            .map(|row| (chains[row].tool.position, self.measured[row].position))
+            .map(|row| (chains[row].tool.position * scale, self.measured[row].position))
             .collect();
         let n = pairs.len().max(1) as f64;
         let (own, seen) = pairs.iter().fold((Vec3::zeros(), Vec3::zeros()), |(a, b), (own, seen)| (a + own, b + seen));
@@ -180,10 +205,18 @@ impl ToolRows {
 
     /// A column for each value of the chain.
     fn chain_columns(&self, own: &[f64], predicted: &Predicted) -> Vec<Vec<f64>> {
-        let rotation = &predicted.base.rotation;
+        let Predicted { base: Pose { rotation, .. }, scale, .. } = predicted;
         let slopes = self.chain.slopes(own, &predicted.chains);
-        let of = |twist: &Twist<f64>| Twist { angular: rotation * twist.angular, linear: rotation * twist.linear };
+        let of =
+            |twist: &Twist<f64>| Twist { angular: rotation * twist.angular, linear: rotation * twist.linear * *scale };
         (0..own.len()).map(|k| slopes.iter().flat_map(|row| self.axes(of(&row[k]))).collect()).collect()
+    }
+
+    /// The column of the instrument's scale.
+    fn scale_column(&self, predicted: &Predicted) -> Vec<f64> {
+        let rotation = &predicted.base.rotation;
+        let moved = |chain: &FrameChain| Twist { angular: Vec3::zeros(), linear: rotation * chain.tool.position };
+        predicted.chains.iter().flat_map(|chain| self.axes(moved(chain))).collect()
     }
 
     /// A column for each value of the instrument's frame, turned by the rotation vector `turn`.

@@ -8,6 +8,7 @@
 //! | `joint-compliance` | q + c·τ with τ the torque of the links' weight; where the robot has no masses, of 1 kg at each later joint and at the tool | rad/(N·m) |
 //! | `link-compliance` | its frame turned about the two axes across by their moments, alike | rad/(N·m) |
 //! | `encoder-periodic` | q + s·sin q + k·cos q + s₂·sin 2q + k₂·cos 2q: a disc off its centre, and one that is bent or read by two heads | rad |
+//! | `encoder-scale` | q + g·q: another gear ratio, or another number of counts a turn | 1 |
 //! | `tool-frame` | the tool moved in its link, and turned where its orientation is measured | m, rad |
 //!
 //! Every value has a prior: the standard deviation of what it may be before anything is measured.
@@ -22,9 +23,9 @@ use crate::measurement::{Finding, FindingKind};
 use crate::prepare::signals::{PrepareError, Prepared};
 use darm_robot::robot::{Robot, RobotFrame};
 
-/// How far each kind of value may be off before anything is measured; the last one is that of twice the angle, which is an order
-/// of the disc's error smaller.
-const PRIORS: [f64; 5] = [0.02, 0.005, 1e-4, 0.005, 1e-3];
+/// How far each kind of value may be off before anything is measured; that of twice the angle is an order of the disc's error
+/// smaller. The last one is that of an encoder's scale.
+const PRIORS: [f64; 6] = [0.02, 0.005, 1e-4, 0.005, 1e-3, 1e-3];
 /// The same of the tool's place, m, and of its turn, rad.
 const TOOL_PRIORS: [f64; 2] = [0.02, 0.05];
 /// The names of the values of `joint-offset`, of `axis-error`, of `link-error`, and of `tool-frame`.
@@ -33,8 +34,11 @@ pub(super) const TURNS: [&str; 2] = ["first turn across", "second turn across"];
 pub(super) const SHIFT: [&str; 3] = ["x", "y", "z"];
 pub(super) const TOOL: [&str; 6] = ["x", "y", "z", "turn about x", "turn about y", "turn about z"];
 pub(super) const PERIODIC: [&str; 4] = ["sine", "cosine", "sine of twice the angle", "cosine of twice the angle"];
-/// Values of one joint: offset, two turns, three shifts, compliance, two of the link, and the periodic ones.
-pub(super) const PER_JOINT: usize = 9 + PERIODIC.len();
+/// Where those of a joint begin, and the scale after them.
+const FIRST_PERIODIC: usize = 9;
+const SCALE: usize = FIRST_PERIODIC + PERIODIC.len();
+/// Values of one joint: offset, two turns, three shifts, compliance, two of the link, the periodic ones, and the scale.
+pub(super) const PER_JOINT: usize = SCALE + 1;
 
 /// One posture.
 struct Posture {
@@ -142,7 +146,7 @@ impl SerialChain {
 
     /// The candidate effects, given a column for each value.
     pub(super) fn candidates(&self, mut columns: impl Iterator<Item = Vec<f64>>) -> Vec<Candidate> {
-        let [turn, shift, compliance, periodic, of_twice] = PRIORS;
+        let [turn, shift, compliance, periodic, of_twice, scale] = PRIORS;
         let mut candidates = Vec::new();
         let mut add = |law, site: &Site, values: &[(&str, &str, f64)]| {
             let values = values.iter().map(|of| value(*of, columns.next().expect("a column for each value")));
@@ -158,6 +162,7 @@ impl SerialChain {
             add(Law::LinkCompliance, &site, &across);
             let priors = [periodic, periodic, of_twice, of_twice];
             add(Law::EncoderPeriodic, &site, &std::array::from_fn::<_, 4, _>(|k| (PERIODIC[k], "rad", priors[k])));
+            add(Law::EncoderScale, &site, &[("scale", "1", scale)]);
         }
         let [shift, turn] = TOOL_PRIORS;
         let dimension = |(k, name)| if k < 3 { (name, "m", shift) } else { (name, "rad", turn) };
@@ -188,8 +193,9 @@ impl SerialChain {
             let turn = first * (own[1] + own[7] * load.y) + second * (own[2] + own[8] * load.z);
             pose = pose * Pose::at(shift) * joint.placement * Pose::new(&turn, Vec3::zeros());
             before.push(pose);
-            let periodic: f64 = periodic(posture.q[k]).iter().zip(&own[9..]).map(|(wave, size)| wave * size).sum();
-            let angle = posture.q[k] + own[0] + own[6] * load.x + periodic;
+            let waves = periodic(posture.q[k]).into_iter().zip(&own[FIRST_PERIODIC..SCALE]);
+            let periodic: f64 = waves.map(|(wave, size)| wave * size).sum();
+            let angle = posture.q[k] * (1.0 + own[SCALE]) + own[0] + own[6] * load.x + periodic;
             pose = pose * Pose { rotation: rotation_exp(&(joint.axis.direction * angle)), position: Vec3::zeros() };
         }
         let last = self.path.len() * PER_JOINT;
@@ -253,6 +259,7 @@ impl SerialChain {
             slopes.extend((0..3).map(|k| moved(on.column(k).into())));
             slopes.extend([turned(&axis, load.x), turned(&first, load.y), turned(&second, load.z)]);
             slopes.extend(periodic(posture.q[k]).map(|wave| turned(&axis, wave)));
+            slopes.push(turned(&axis, posture.q[k]));
             on = at.rotation * rotation_exp(&(axis * posture.q[k]));
         }
         let last = self.path.len() * PER_JOINT;

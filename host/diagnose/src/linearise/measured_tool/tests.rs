@@ -17,32 +17,43 @@ const NOISE_M: f64 = 1e-4;
 const SEED: u64 = 3;
 const TOOL: &str = "ball_link";
 
-/// Postures of a robot with a fault, and its tool as an instrument measures it whose frame has the base there.
-fn table(robot: &Robot, fault: Fault, base: &Pose<f64>, noise_m: f64) -> Table {
+/// Postures of a robot with a fault, and its tool as an instrument measures it whose frame has the base there, and which shows
+/// 1 m as `scale`.
+fn table(robot: &Robot, fault: Fault, base: &Pose<f64>, scale: f64, noise_m: f64) -> Table {
     let (mut random, faulty) = (ChaCha8Rng::seed_from_u64(SEED), Faulty::new(robot, fault));
     let limits: Vec<[f64; 2]> = robot.joints.iter().map(|joint| joint.limits.expect("the Panda has limits")).collect();
     let mut text = String::from("q1,q2,q3,q4,q5,q6,q7,x,y,z\n");
     for _ in 0..POSTURES {
         let q: Vec<f64> = limits.iter().map(|[low, high]| random.random_range(*low..*high)).collect();
-        let seen = *base * faulty.touch(&q).0 + normal(&mut random) * noise_m;
+        let seen = (*base * faulty.touch(&q).0) * scale + normal(&mut random) * noise_m;
         let numbers: Vec<String> = q[..JOINTS].iter().chain(seen.iter()).map(f64::to_string).collect();
         text += &format!("{}\n", numbers.join(","));
     }
     Table::read_text(Path::new("a.csv"), text.as_bytes(), &Names::new()).unwrap().0
 }
 
-fn wrong(base: Pose<f64>, in_base_frame: bool, noise_m: f64) -> Vec<(&'static str, String)> {
+/// What is named in such a table.
+fn reported(fault: Fault, base: &Pose<f64>, in_base_frame: bool, scale: f64, noise_m: f64) -> String {
     let robot = panda();
-    let model = |robot: &Robot| {
-        let how = MeasuredTool { tool: Some(TOOL.into()), oriented: false, in_base_frame };
-        Model::from(What::Tool(robot.clone(), how))
-    };
-    let reported = |fault: Fault| {
-        let options = SignalOptions { seed: 1, ..SignalOptions::default() };
-        named(&diagnose_table(&model(&robot), &table(&robot, fault, &base, noise_m), &options).unwrap().diagnosis)
-    };
+    let table = table(&robot, fault, base, scale, noise_m);
+    let how = MeasuredTool { tool: Some(TOOL.into()), oriented: false, in_base_frame };
+    let options = SignalOptions { seed: 1, ..SignalOptions::default() };
+    named(&diagnose_table(&Model::from(What::Tool(robot, how)), &table, &options).unwrap().diagnosis)
+}
+
+fn wrong(base: Pose<f64>, in_base_frame: bool, noise_m: f64) -> Vec<(&'static str, String)> {
+    let reported = |fault| reported(fault, &base, in_base_frame, 1.0, noise_m);
     let all = cases();
     all.par_iter().map(|(right, fault)| (*right, reported(*fault))).filter(|(right, found)| right != found).collect()
+}
+
+#[test]
+fn an_instrument_may_show_lengths_too_long() {
+    let elsewhere = Pose::new(&Vec3::new(0.3, -1.1, 2.0), Vec3::new(1.5, -0.4, 0.8));
+    for (base, in_base_frame) in [(Pose::identity(), true), (elsewhere, false)] {
+        let found = reported(Fault::None, &base, in_base_frame, 1.001, NOISE_M);
+        assert_eq!(found, "scale the measuring instrument");
+    }
 }
 
 #[test]
