@@ -216,6 +216,31 @@ fn rows_that_are_far_off_are_listed_and_change_nothing() {
 }
 
 #[test]
+fn rows_of_which_many_are_far_off_are_no_clean_log() {
+    let mut run = measured(&arm(), &[], changing);
+    let wrong: Vec<usize> = run.training().map(|(index, _)| index).step_by(6).collect();
+    for &index in &wrong {
+        run.samples[index].pose.position.y += 0.05;
+    }
+    let diagnosis = diagnose(&arm(), &run, &Options::default()).unwrap().diagnosis;
+    assert_eq!(diagnosis.verdict, Verdict::UnexplainedStructure, "{:?}", diagnosis.plain);
+    assert!(diagnosis.plain.iter().any(|sentence| sentence.contains("no blunders")), "{:?}", diagnosis.plain);
+}
+
+#[test]
+fn a_camera_that_sees_one_way_longer_than_the_other_is_no_moved_base() {
+    let mut run = measured(&arm(), &[], changing);
+    run.samples.retain(|sample| sample.previous != Some(sample.word));
+    for sample in &mut run.samples {
+        sample.pose.position.y *= 1.01;
+    }
+    let diagnosis = diagnose(&arm(), &run, &Options::default()).unwrap().diagnosis;
+    assert!(diagnosis.verdict != Verdict::EffectFound, "{:?} {:?}", diagnosis.plain, diagnosis.remaining);
+    let on_place = diagnosis.remaining.depends_on.iter().any(|on| on.variable == "position of the tool");
+    assert!(on_place, "{:?}", diagnosis.plain);
+}
+
+#[test]
 fn without_repeats_there_is_no_repeatability_but_a_diagnosis() {
     let mut run = measured(&arm(), &[stroke_loss()], changing);
     run.samples.retain(|sample| sample.previous != Some(sample.word));

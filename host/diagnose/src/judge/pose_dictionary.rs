@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | time | straight; waves: a parabola and sin, cos of up to [`WAVES`] periods in the run; step: the best of [`MOMENTS`] |
 //! | supply, temperature, load, position of a servo | straight; square: 1st and 2nd power |
+//! | position of the tool, as the model has it | straight: x, y, z; square: these and their products |
 //! | digit of an actuator | straight: one column for each state but the first |
 //! | digits of two actuators | together: the product |
 //! | word before, at an actuator; word before the last | straight: whether the actuator stayed, or is where it was then |
@@ -19,7 +20,7 @@ use crate::judge::regression::Term;
 use crate::measurement::Run;
 use crate::outcome::{Regressor, Shape};
 use crate::prepare::observations::{Observations, Row};
-use darm_arm::arm::Arm;
+use darm_arm::arm::{Arm, ArmScratch};
 
 /// Periods in a run.
 pub const WAVES: usize = 8;
@@ -29,6 +30,7 @@ pub const MOMENTS: usize = 15;
 /// All terms for the rows of a run.
 pub fn dictionary(arm: &Arm, run: &Run, observations: &Observations) -> Vec<Term> {
     let mut terms = surroundings(arm, observations);
+    terms.extend(place_of_tool(arm, observations));
     terms.extend(digits(arm, observations));
     terms.extend(memory(arm, run, observations));
     let rows = &observations.rows;
@@ -72,6 +74,24 @@ fn surroundings(arm: &Arm, observations: &Observations) -> Vec<Term> {
     let (middle_s, half_s) = scale(observations.times_s());
     terms.extend(time(observations.times_s().map(|time_s| (time_s - middle_s) / half_s).collect()));
     terms
+}
+
+/// Terms of where the tool is: a camera that sees lengths longer here than there, or one way than the other.
+fn place_of_tool(arm: &Arm, observations: &Observations) -> Vec<Term> {
+    let mut scratch = ArmScratch::default();
+    let mut place = |row| arm.model.predict(&observations.condition(row), &mut scratch).map(|tool| tool.position);
+    let Ok(places) = observations.rows.iter().map(&mut place).collect::<Result<Vec<_>, _>>() else { return Vec::new() };
+    let along = |axis: usize| {
+        let (center, span) = scale(places.iter().map(|place| place[axis]));
+        places.iter().map(|place| (place[axis] - center) / span).collect::<Vec<f64>>()
+    };
+    let straight: Vec<Vec<f64>> =
+        observations.axes.iter().filter(|axis| **axis >= 3).map(|axis| along(axis - 3)).collect();
+    let product = |(a, b): (usize, usize)| straight[a].iter().zip(&straight[b]).map(|(a, b)| a * b).collect();
+    let pairs = (0..straight.len()).flat_map(|a| (a..straight.len()).map(move |b| (a, b)));
+    let square = straight.iter().cloned().chain(pairs.map(product)).collect();
+    let term = |shape, columns| Term { regressor: Regressor::ToolPosition, shape, columns, kept: Vec::new() };
+    vec![term(Shape::Square, square), term(Shape::Straight, straight)]
 }
 
 /// The two terms of a variable that is given from −1 to 1; `of` is what a model may keep of it.

@@ -7,7 +7,7 @@ use super::gate::{self, Evidence, MAX_LEFT, UNEXPLAINED_SHARE};
 use super::next_words::{self, Proposal};
 use super::selected::SelectedPoses;
 use super::structure::structure;
-use super::{Judgement, pose_intervals};
+use super::{Judgement, far_rows, pose_intervals};
 use crate::agreement;
 use crate::linearise::arm_candidates;
 use crate::outcome::{Alternative, AxisFigure, Number, Repeatability, RepeatedIn, Structure, Verdict};
@@ -35,14 +35,16 @@ pub(crate) fn judge(
     let effects = selected.effects();
     let look = |trial: &Trial<ToolPoses>| structure_after(selected, trial);
     let with = with_terms(problem, best, &mut remaining.depends_on, look)?;
+    let is_wrong_in_part = far_rows::are_too_many(far_rows::far_rows(selected).len(), problem.training.rows.len());
     let explained = agreement::poses::explained(arm, selected.run, problem.training.distances_m(&best.predicted));
     let evidence = Evidence {
         agrees: selected.agreement.allows(effects.len(), explained),
         named: effects.len(),
         is_ambiguous: alternatives.iter().any(|other| !is_same_part(other, &effects)),
-        was_beyond_noise: before.beyond_noise,
-        is_left: remaining.beyond_noise
-            && (remaining.over_noise > MAX_LEFT || remaining.excess > UNEXPLAINED_SHARE * before.excess),
+        was_beyond_noise: before.beyond_noise || is_wrong_in_part,
+        is_left: is_wrong_in_part
+            || remaining.beyond_noise
+                && (remaining.over_noise > MAX_LEFT || remaining.excess > UNEXPLAINED_SHARE * before.excess),
         is_mainly_taken: remaining.excess <= MAX_PARTLY_LEFT * before.excess,
         held_out_falls: problem.held_out_falls(start, best)?,
         noise_dof: selected.repeatability.map_or(0, |noise| noise.dof),

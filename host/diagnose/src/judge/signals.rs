@@ -21,6 +21,9 @@ const MAX_PARTLY_LEFT: f64 = 0.5;
 /// An error as many times the scatter of neighbouring rows is no noise, though these may not have all of it.
 const FAR: f64 = 10.0;
 
+/// An error as many times that scatter, which goes on from row to row, is none either.
+const FAR_WITH_MEMORY: f64 = 3.0;
+
 /// A candidate that would do as well in the place of an effect.
 struct Rival {
     /// Number of the effect among those of the model.
@@ -52,21 +55,23 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
         false => of_rivals(selected, &rivals),
     };
     let Remaining { terms: mut remaining, share: left, over_noise } = remaining::remaining(problem, best);
-    if effects.is_empty() && remaining.is_empty() && !is_filtered {
-        remaining = remaining::memory(problem, best);
-    }
     let after = problem.experiment.at(&best.fit.values);
     let repeatability = scatter::scatter(&problem.experiment, &after, is_filtered);
     let sigma = &best.weighting.sigma;
     let explained = agreement::signals::explained(&problem.experiment, &best.predicted);
     let rest = Rest::of(&problem.experiment, &after, repeatability.as_ref());
+    let memory = if is_filtered { Vec::new() } else { remaining::memory(problem, best) };
+    let has_shape = rest.is_beyond_neighbours && !memory.is_empty();
+    if remaining.is_empty() && (effects.is_empty() || has_shape) {
+        remaining = memory;
+    }
     let is_any = !effects.is_empty() || !doubtful.is_empty();
     let evidence = Evidence {
         agrees: selected.agreement.allows(effects.len(), explained),
         named: effects.len(),
         is_ambiguous: !doubtful.is_empty(),
         was_beyond_noise: !remaining.is_empty() || is_any && chance_of_gain(selected) < STRUCTURE_LEVEL,
-        is_left: left > UNEXPLAINED_SHARE || over_noise > MAX_LEFT || rest.is_far_from_repeats,
+        is_left: left > UNEXPLAINED_SHARE || over_noise > MAX_LEFT || rest.is_far_from_repeats || has_shape,
         is_mainly_taken: left < MAX_PARTLY_LEFT && is_halved(&problem.experiment, &after),
         held_out_falls: match pooled {
             Some(pooled) => pooled.falls(sigma, problem.experiment.n_norm),
@@ -110,6 +115,9 @@ fn is_halved(experiment: &Experiment, after: &[f64]) -> bool {
 struct Rest {
     /// Whether it is far larger than the scatter of rows under the same conditions.
     is_far_from_repeats: bool,
+    /// Whether the error, without rows that are far off, is several times the scatter of neighbouring rows: something is left where it
+    /// goes on from row to row as well.
+    is_beyond_neighbours: bool,
     /// Degrees of freedom of the scatter; none where the error, without rows that are far off, is far larger than that of
     /// neighbouring rows: they do not have all of the noise, and show neither that something is left nor that nothing is.
     noise_dof: usize,
@@ -117,17 +125,19 @@ struct Rest {
 
 impl Rest {
     fn of(experiment: &Experiment, after: &[f64], scatter: Option<&Repeatability>) -> Self {
-        let Some(scatter) = scatter else { return Self { is_far_from_repeats: false, noise_dof: 0 } };
+        let nothing = Self { is_far_from_repeats: false, is_beyond_neighbours: false, noise_dof: 0 };
+        let Some(scatter) = scatter else { return nothing };
         let (rows, noise) = (experiment.of_rows(after, false), scatter.norm.value);
         match scatter.repeated_in {
             RepeatedIn::Rows => {
                 let is_far_from_repeats = experiment.norm(&rows).is_some_and(|error| error > MAX_LEFT * noise);
-                Self { is_far_from_repeats, noise_dof: scatter.dof }
+                Self { is_far_from_repeats, noise_dof: scatter.dof, ..nothing }
             }
             RepeatedIn::Neighbours => {
                 let size = agreement::training::size(experiment, &rows);
                 let noise_dof = if size > MAX_LEFT * noise { 0 } else { scatter.dof };
-                Self { is_far_from_repeats: noise > 0.0 && size > FAR * noise, noise_dof }
+                let is = |times: f64| noise > 0.0 && size > times * noise;
+                Self { is_far_from_repeats: is(FAR), is_beyond_neighbours: is(FAR_WITH_MEMORY), noise_dof }
             }
         }
     }

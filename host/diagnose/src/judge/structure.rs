@@ -30,14 +30,14 @@ pub(crate) fn structure(selected: &SelectedPoses, residuals: &[f64], fitted: usi
     let ratio = winsorized.iter().map(|r| r * r).sum::<f64>() / dof.max(1) as f64;
     let p = noise.map(|noise| f_test(ratio, dof, noise.dof * n_axes));
     let huberized = huberized(residuals, n_axes);
-    let depends_on = dependences(selected, &huberized);
+    let (depends_on, left) = dependences(selected, &huberized);
     let beyond_noise = p.is_some_and(|p| p < selected.problem.levels.structure) || !depends_on.is_empty();
     let square = trimmed_mean_square(residuals, n_axes);
     let (excess, over_noise) = match noise {
         Some(_) => ((square - 1.0).max(0.0), square.sqrt()),
         None => {
             let share = depends_on.iter().map(|term| term.share).sum::<f64>().min(1.0);
-            (square * share, (1.0 - share).sqrt().recip())
+            (square * share, over_rest(&huberized, &left, n_axes))
         }
     };
     Structure { ratio: noise.map(|_| ratio), p, beyond_noise, excess, over_noise, depends_on }
@@ -69,7 +69,16 @@ fn winsorized(residuals: &[f64], n_axes: usize) -> Vec<f64> {
     residuals.iter().enumerate().map(|(k, r)| r * weights[k / n_axes]).collect()
 }
 
-fn dependences(selected: &SelectedPoses, residuals: &[f64]) -> Vec<Dependence> {
+/// The largest root mean square of a component in units of what the dependences leave of it: what stands on one component
+/// is little beside the noise of all.
+fn over_rest(residuals: &[f64], left: &[f64], n_axes: usize) -> f64 {
+    let rows: Vec<usize> = (0..residuals.len() / n_axes).collect();
+    let square = |all: &[f64], axis| squares(&of_axis(all, n_axes, axis), &rows).max(f64::MIN_POSITIVE);
+    (0..n_axes).map(|axis| (square(residuals, axis) / square(left, axis)).sqrt()).fold(1.0, f64::max)
+}
+
+/// What residuals depend on, and what is left of them without that.
+fn dependences(selected: &SelectedPoses, residuals: &[f64]) -> (Vec<Dependence>, Vec<f64>) {
     let SelectedPoses { arm, run, problem, .. } = *selected;
     let (observations, level) = (&problem.training, problem.levels.structure);
     let terms = dictionary(arm, run, observations);
@@ -106,5 +115,5 @@ fn dependences(selected: &SelectedPoses, residuals: &[f64]) -> Vec<Dependence> {
             terms: kept.clone(),
         });
     }
-    found
+    (found, left)
 }

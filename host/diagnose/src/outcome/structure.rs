@@ -20,7 +20,7 @@ pub struct Structure {
     /// Mean square beyond the noise, in units of the noise's own; without repeats what the dependences take.
     #[serde(skip)]
     pub(crate) excess: f64,
-    /// Root mean square in units of the noise; without repeats in units of what the dependences leave.
+    /// Root mean square in units of the noise; without repeats the largest of a component in units of what the dependences leave of it.
     #[serde(skip)]
     pub(crate) over_noise: f64,
     /// What the residual depends on, each beside those before it, the strongest first; of signals axis by axis.
@@ -81,6 +81,8 @@ pub enum Regressor {
     Temperature,
     /// What the tool carries.
     Load,
+    /// Where the tool is.
+    ToolPosition,
     /// Position of a servo, counted from 0.
     Servo(usize),
     /// The digit of an actuator.
@@ -110,6 +112,7 @@ impl Regressor {
             Self::Supply => "supply".into(),
             Self::Temperature => "temperature".into(),
             Self::Load => "load".into(),
+            Self::ToolPosition => "position of the tool".into(),
             Self::Servo(servo) => format!("position of servo {servo}"),
             Self::Digit(of) => format!("digit of {}", actuator(*of)),
             Self::Digits([a, b]) => format!("digit of {} with digit of {}", actuator(*a), actuator(*b)),

@@ -1,21 +1,17 @@
 //! What a report shows of tool poses: errors, outliers and points for plots.
 
-use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
-
+use crate::judge::far_rows::far_rows;
 use crate::judge::selected::SelectedPoses;
-use crate::measurement::{median, root_mean_square};
+use crate::measurement::root_mean_square;
 use crate::outcome::{
     AxisFigure, BeforeAfter, ErrorFigure, Errors, Measured, Number, Outlier, Point, Rows, SelectionStep, Visit,
 };
 use crate::prepare::groups::FOLDS;
 use crate::prepare::observations::{NoPose, Observations, axes};
 use crate::report::Summary;
-use crate::select::robust_fit::{condition, size};
+use crate::select::robust_fit::condition;
 use crate::select::tool_pose::ToolPoses;
 use darm_arm::arm::{Arm, ArmModel, ArmScratch};
-
-/// Chance that any row of a run without outliers is called one.
-const OUTLIER_LEVEL: f64 = 0.01;
 
 /// What a report shows of the rows.
 pub(crate) fn summary(
@@ -71,27 +67,16 @@ fn errors(arm: &Arm, problem: &ToolPoses, model: &ArmModel, cross_validated: &[f
     Ok(Errors { train, held_out: Some(held_out) })
 }
 
-/// Rows that are farther off than the noise, itself known by limited degrees of freedom, would ever be.
+/// Rows that are farther off than noise ever is.
 fn outliers(selected: &SelectedPoses) -> Vec<Outlier> {
     let training = &selected.problem.training;
-    let (n_axes, residuals) = (training.n_axes(), &selected.best.fit.residuals);
-    let per_axis = selected.repeats().map_or(training.rows.len(), |noise| noise.dof);
-    let noise_dof = (per_axis * n_axes) as f64;
-    let (Ok(chi), Ok(f)) = (ChiSquared::new(n_axes as f64), FisherSnedecor::new(n_axes as f64, noise_dof)) else {
-        return Vec::new();
-    };
-    let squares: Vec<f64> = residuals.chunks(n_axes).map(|row| size(row).powi(2)).collect();
-    let usual = median(squares.iter().copied()).unwrap_or(1.0) / chi.inverse_cdf(0.5);
-    let rare = 1.0 - OUTLIER_LEVEL / squares.len().max(1) as f64;
-    let limit = n_axes as f64 * f.inverse_cdf(rare) * usual.max(1.0);
-    let distances = training.distances_m(residuals);
-    let far = squares.iter().enumerate().filter(|(_, square)| **square > limit);
-    let outlier = |(row, square): (usize, &f64)| Outlier {
+    let distances = training.distances_m(&selected.best.fit.residuals);
+    let outlier = |(row, sigmas): (usize, f64)| Outlier {
         line: selected.run.line(training.rows[row].sample),
         error: Number::new(distances[row], "m"),
-        sigmas: square.sqrt(),
+        sigmas,
     };
-    far.map(outlier).collect()
+    far_rows(selected).into_iter().map(outlier).collect()
 }
 
 fn points(selected: &SelectedPoses) -> Result<Vec<Point>, NoPose> {

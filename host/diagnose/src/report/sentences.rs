@@ -8,11 +8,12 @@ use darm_core::effect::crowding::Crowding;
 use darm_core::effect::drift::Drift;
 use darm_core::effect::stroke_loss::StrokeLoss;
 
+use crate::judge::far_rows::are_too_many;
 use crate::judge::fitted_terms::WithTerms;
 use crate::linearise::arm_candidates::{place_name, term_name};
 use crate::outcome::{
-    self, Alternative, BeforeAfter, Diagnosis, ErrorFigure, NextMeasurement, Number, OtherReading, Regressor, Value,
-    Verdict,
+    self, Alternative, BeforeAfter, Diagnosis, ErrorFigure, Measured, NextMeasurement, Number, OtherReading, Regressor,
+    Value, Verdict,
 };
 use crate::prepare::repeatability::MIN_DOF;
 use crate::rejection::Rejection;
@@ -208,9 +209,13 @@ fn outlier_sentence(diagnosis: &Diagnosis) -> Option<String> {
     let lines = diagnosis.outliers.iter().take(MAX_LINES).map(|outlier| outlier.line.to_string());
     let lines: Vec<String> = lines.collect();
     let more = if diagnosis.outliers.len() > MAX_LINES { ", …" } else { "" };
-    (!lines.is_empty()).then(|| {
-        format!("{} outliers, with little weight: lines {}{more}.", diagnosis.outliers.len(), lines.join(", "))
-    })
+    let n = diagnosis.outliers.len();
+    let is_wrong_in_part = diagnosis.kind == Measured::ToolPose && are_too_many(n, diagnosis.rows.train);
+    let why = match is_wrong_in_part {
+        true => " So many are no blunders: an effect acts now and then, or the log is wrong in these rows.",
+        false => "",
+    };
+    (!lines.is_empty()).then(|| format!("{n} outliers, with little weight: lines {}{more}.{why}", lines.join(", ")))
 }
 
 /// What fitted terms would gain.
