@@ -5,6 +5,8 @@
 pub mod app;
 pub mod clock;
 pub mod control;
+#[cfg(all(target_arch = "arm", target_os = "none"))]
+pub mod cortex;
 pub mod crash;
 pub mod dispatch;
 pub mod hardware;

@@ -6,11 +6,10 @@ use darm_core::units::DeviceId;
 use darm_core::wire::bootstrap::RebootTarget;
 use darm_core::wire::health::{ChainHealth, ClockSource, FlashErrors, Health, LineErrors, ResetCause};
 use darm_firmware::control::Inputs;
+use darm_firmware::cortex;
 use darm_firmware::crash::Kept;
 use darm_firmware::hardware::{Hardware, Pins};
-use darm_firmware::load::Load;
 use darm_firmware::solenoid::{self, Chain, ReadBack};
-use darm_firmware::stack::StackMemory;
 use embedded_hal::digital::OutputPin as _;
 use stm32_metapac::{Interrupt, UID};
 
@@ -72,11 +71,9 @@ impl Hardware for Board {
             flash: Some(FlashErrors { corrected: bank2::corrected_errors(), damaged }),
             chain: chips().map(|chips| ChainHealth { chips, errors: 0 }),
             options: (!emulated()).then(options::read),
-            load_permille: LOAD.permille(),
-            stack: Some(stack().usage()),
             supply_mv,
             chip_celsius: celsius,
-            ..Health::default()
+            ..cortex::health()
         }
     }
 
@@ -113,39 +110,6 @@ impl Hardware for Board {
     fn kept() -> &'static Kept {
         &KEPT
     }
-}
-
-/// How busy the core is.
-static LOAD: Load = Load::new();
-
-/// The memory of the stack.
-#[inline(always)]
-pub fn stack() -> StackMemory {
-    unsafe extern "C" {
-        static mut _stack_end: u32;
-        static mut _stack_start: u32;
-    }
-    // SAFETY: the linker gives this memory to the stack, see `memory.x`.
-    unsafe { StackMemory::new(&raw mut _stack_end, &raw mut _stack_start) }
-}
-
-/// Paints what is free of the stack. Call first of all in `main`.
-#[inline(always)]
-pub fn paint_stack() -> StackMemory {
-    let stack = stack();
-    // SAFETY: no interrupt is unmasked yet.
-    unsafe { stack.paint(cortex_m::register::msp::read() as *mut u32) };
-    stack
-}
-
-/// Sleeps until interrupts have something to do, and lets them; counts the time. For ever in `main`.
-pub fn sleep() {
-    cortex_m::interrupt::disable();
-    LOAD.sleep(&BoardClock, cortex_m::asm::wfi);
-    // SAFETY: this is no critical section.
-    unsafe { cortex_m::interrupt::enable() };
-    // What waits runs now.
-    cortex_m::asm::isb();
 }
 
 /// Chips of the chain, 0 where its far end does not show it.

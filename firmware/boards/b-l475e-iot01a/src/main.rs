@@ -7,14 +7,14 @@
 use darm_b_l475e_iot01a::board::{self, Board};
 use darm_b_l475e_iot01a::emulated::emulated;
 use darm_b_l475e_iot01a::{adc, clocks, gpio, restart, tasks, time, watchdog};
-use darm_firmware::crash;
 use darm_firmware::hardware::Hardware as _;
 use darm_firmware::life::{self, Start};
+use darm_firmware::{cortex, crash};
 use defmt_rtt as _;
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    board::paint_stack();
+    cortex::paint_stack();
     restart::enter_loader_if_asked();
     let cause = watchdog::take_cause();
     board::note_cause(cause);
@@ -39,6 +39,6 @@ fn main() -> ! {
     }
     tasks::start(crash, start, tasks::room());
     loop {
-        board::sleep();
+        cortex::sleep::<Board>();
     }
 }

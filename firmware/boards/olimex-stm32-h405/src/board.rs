@@ -11,12 +11,11 @@ use cortex_m::peripheral::SCB;
 use darm_core::units::DeviceId;
 use darm_core::wire::health::Health;
 use darm_firmware::control::Inputs;
+use darm_firmware::cortex;
 use darm_firmware::crash::{self, Kept};
 use darm_firmware::hardware::{Hardware, Pins};
-use darm_firmware::load::Load;
 use darm_firmware::solenoid::Chain;
 use darm_firmware::sparse_flash::{PageMemory, SparseFlash};
-use darm_firmware::stack::StackMemory;
 use stm32_metapac::flash::vals::Latency;
 use stm32_metapac::gpio::Gpio;
 use stm32_metapac::gpio::vals::{Moder, Ot, Pupdr};
@@ -71,7 +70,7 @@ impl Hardware for Board {
     }
 
     fn health() -> Health {
-        Health { load_permille: LOAD.permille(), stack: Some(stack().usage()), ..Health::default() }
+        cortex::health()
     }
 
     fn open_flash() -> Option<SparseFlash<PAGES>> {
@@ -99,37 +98,6 @@ impl Hardware for Board {
     fn kept() -> &'static Kept {
         &KEPT
     }
-}
-
-/// How busy the core is.
-static LOAD: Load = Load::new();
-
-/// The memory of the stack.
-#[inline(always)]
-fn stack() -> StackMemory {
-    unsafe extern "C" {
-        static mut _stack_end: u32;
-        static mut _stack_start: u32;
-    }
-    // SAFETY: the linker gives this memory to the stack, see `memory.x`.
-    unsafe { StackMemory::new(&raw mut _stack_end, &raw mut _stack_start) }
-}
-
-/// Paints what is free of the stack. Call first of all in `main`.
-#[inline(always)]
-pub(crate) fn paint_stack() {
-    // SAFETY: no interrupt is unmasked yet.
-    unsafe { stack().paint(cortex_m::register::msp::read() as *mut u32) }
-}
-
-/// Sleeps until interrupts have something to do, and lets them; counts the time. For ever in `main`.
-pub(crate) fn sleep() {
-    cortex_m::interrupt::disable();
-    LOAD.sleep(&BoardClock, cortex_m::asm::wfi);
-    // SAFETY: this is no critical section.
-    unsafe { cortex_m::interrupt::enable() };
-    // What waits runs now.
-    cortex_m::asm::isb();
 }
 
 /// Brings the core to [`HCLK_HZ`](crate::time::HCLK_HZ) from the 16 MHz internal oscillator, and clocks what is in use. RM0090, chapter 7.

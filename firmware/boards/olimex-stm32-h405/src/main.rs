@@ -23,6 +23,7 @@ use darm_core::duty::DutyMeters;
 use darm_core::units::Micros;
 use darm_firmware::clock::Clock as _;
 use darm_firmware::control::Shared;
+use darm_firmware::cortex;
 use darm_firmware::crash;
 use darm_firmware::hardware::{self, ConsoleMemory, Hardware as _, Owned};
 use darm_firmware::life::{self, Pulse, Start, Task};
@@ -97,7 +98,7 @@ fn start_control() {
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    board::paint_stack();
+    cortex::paint_stack();
     let crash = crash::take(Board::kept(), board::take_bite());
     let crashes = crash::count_crash(Board::kept(), crash.is_some());
     board::start_clocks();
@@ -123,7 +124,7 @@ fn main() -> ! {
         tasks.spawn(servos);
     }
     loop {
-        board::sleep();
+        cortex::sleep::<Board>();
     }
 }
 

@@ -19,10 +19,9 @@ use darm_core::wire::bootstrap::RebootTarget;
 use darm_core::wire::health::Health;
 use darm_firmware::clock::Clock;
 use darm_firmware::control::Inputs;
+use darm_firmware::cortex;
 use darm_firmware::crash::Kept;
 use darm_firmware::hardware::{Hardware, Pins};
-use darm_firmware::load::Load;
-use darm_firmware::stack::StackMemory;
 use embassy_rp::pac;
 use embassy_rp::rom_data::reset_to_usb_boot;
 use embassy_time::{Instant, Timer};
@@ -73,9 +72,6 @@ const _: () = {
 #[unsafe(link_section = ".uninit.KEPT")]
 static KEPT: Kept = Kept::new();
 
-/// How busy the core is.
-static LOAD: Load = Load::new();
-
 /// The board.
 pub(crate) struct Board;
 
@@ -113,11 +109,9 @@ impl Hardware for Board {
     fn health() -> Health {
         Health {
             servo_bus: Some(servos::errors()),
-            load_permille: LOAD.permille(),
-            stack: Some(stack().usage()),
             supply_mv: adc::supply_mv(),
             chip_celsius: adc::celsius(),
-            ..Health::default()
+            ..cortex::health()
         }
     }
 
@@ -156,24 +150,6 @@ impl Hardware for Board {
     }
 }
 
-/// The memory of the stack.
-#[inline(always)]
-fn stack() -> StackMemory {
-    unsafe extern "C" {
-        static mut _stack_end: u32;
-        static mut _stack_start: u32;
-    }
-    // SAFETY: the linker gives this memory to the stack, see `memory.x`.
-    unsafe { StackMemory::new(&raw mut _stack_end, &raw mut _stack_start) }
-}
-
-/// Paints what is free of the stack. Call first of all in `main`.
-#[inline(always)]
-pub(crate) fn paint_stack() {
-    // SAFETY: no interrupt is unmasked yet.
-    unsafe { stack().paint(cortex_m::register::msp::read() as *mut u32) }
-}
-
 /// Forbids all accesses to the 16 MiB below the stack's memory, where nothing is in use: what overflows the stack faults, however far.
 /// Without it such an access goes to an address of the flash interface that the data sheet does not describe.
 pub(crate) fn guard_stack() {
@@ -191,16 +167,6 @@ pub(crate) fn guard_stack() {
         core.MPU.ctrl.write(ON);
     }
     cortex_m::asm::dsb();
-    cortex_m::asm::isb();
-}
-
-/// Sleeps until interrupts have something to do, and lets them; counts the time. For ever in `main`.
-pub(crate) fn sleep() {
-    cortex_m::interrupt::disable();
-    LOAD.sleep(&BoardClock, cortex_m::asm::wfi);
-    // SAFETY: this is no critical section.
-    unsafe { cortex_m::interrupt::enable() };
-    // What waits runs now.
     cortex_m::asm::isb();
 }
 

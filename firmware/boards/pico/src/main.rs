@@ -41,6 +41,7 @@ use darm_core::wire::bootstrap::CrashRecord;
 use darm_firmware::app::{Inbox, scan};
 use darm_firmware::clock::Clock as _;
 use darm_firmware::control::{Shared, TICK};
+use darm_firmware::cortex;
 use darm_firmware::crash;
 use darm_firmware::hardware::{self, ConsoleMemory, Hardware as _, Owned};
 use darm_firmware::life::{self, Pulse, Start, Task};
@@ -207,13 +208,13 @@ fn start(p: Peripherals, crash: Option<CrashRecord>, start: Start) {
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    board::paint_stack();
+    cortex::paint_stack();
     board::guard_stack();
     let p = embassy_rp::init(embassy_rp::config::Config::default());
     let crash = crash::take(Board::kept(), watchdog::take_bite());
     let crashes = crash::count_crash(Board::kept(), crash.is_some());
     start(p, crash, life::start_after(crashes));
     loop {
-        board::sleep();
+        cortex::sleep::<Board>();
     }
 }

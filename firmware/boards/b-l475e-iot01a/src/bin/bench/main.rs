@@ -35,6 +35,7 @@ use darm_core::wire::PROTOCOL;
 use darm_core::wire::frame::{self, Header, MAX_FRAME, MAX_PAYLOAD};
 use darm_core::wire::message::{CHUNK, Image, ImageKind, REQUEST, Request};
 use darm_firmware::clock::Clock;
+use darm_firmware::cortex;
 use darm_firmware::life::Start;
 use darm_firmware::nearest::Room;
 use darm_firmware::stack::StackMemory;
@@ -364,7 +365,7 @@ fn print_lateness() {
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    let stack = board::paint_stack();
+    let stack = cortex::paint_stack();
     check("the clock starts", clocks::start().is_ok());
     kinematics::measure(&stack);
     time::start();
@@ -376,7 +377,7 @@ fn main() -> ! {
     print("nearest", "stack", stack.usage().used, "bytes");
     let profile = store_profile();
     // The measurements above had the stack of the thread to themselves, as no image does.
-    let stack = board::paint_stack();
+    let stack = cortex::paint_stack();
     tasks::start(None, Start::Normal, room);
     measure_all(&stack, profile);
     debug::exit(debug::EXIT_SUCCESS);
