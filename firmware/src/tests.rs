@@ -15,7 +15,7 @@ use darm_core::units::{ActuatorId, DeviceId, Digest, Micros};
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{self, Identity};
 use darm_core::wire::frame::{self, Header, MAX_FRAME, MAX_PAYLOAD};
-use darm_core::wire::health::Health;
+use darm_core::wire::health::{Health, StackUse};
 use darm_core::wire::message::{Answer, CHUNK, Calibration, Hello, Image, REQUEST, Refusal, Reply, Request, Status};
 
 use crate::app::serve;
@@ -43,6 +43,11 @@ struct Bench {
     number: Cell<u16>,
 }
 
+/// What the board of a bench reports of itself.
+fn health() -> Health {
+    Health { load_permille: Some(123), stack: Some(StackUse { used: 4_000, size: 14_336 }), ..Health::default() }
+}
+
 impl Bench {
     /// A board that was switched on a minute ago.
     fn new(cells: Cells) -> Self {
@@ -67,8 +72,7 @@ impl Bench {
             cells,
         };
         let identity = Identity { device: DeviceId([7; 12]), board: heapless::String::try_from("bench").unwrap() };
-        let board =
-            Board { identity, crash: None, caps: caps(), guards_loader: true, health: Health::default, kept: None };
+        let board = Board { identity, crash: None, caps: caps(), guards_loader: true, health, kept: None };
         let mut dispatcher =
             Dispatcher::new(board, bench.clock, bench.shared, Box::leak(Box::default()), Box::leak(Box::default()));
         let profile = Box::leak(Box::new(Profile::empty()));
@@ -214,6 +218,12 @@ fn a_switch_that_contradicts_latches_the_safe_state_and_both_languages_say_so() 
     assert_eq!(bench.type_line("play"), "? a fault is latched; look at it, then clear it\r\n");
     assert_eq!(bench.type_line("clear"), "ok\r\n");
     assert_eq!(bench.status().phase, Phase::Idle);
+}
+
+#[test]
+fn the_status_says_load_and_stack() {
+    let text = loaded().type_line("status");
+    assert!(text.contains("load 12.3 % of the last second\r\nstack: 4000 of 14336 bytes were in use\r\n"), "{text}");
 }
 
 #[test]

@@ -13,6 +13,7 @@ use darm_core::sequencer::Phase;
 use darm_core::units::{Digest, Micros};
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{CrashKind, CrashRecord};
+use darm_core::wire::health::{Health, StackUse};
 use embedded_io_async::Write;
 use embedded_storage_async::nor_flash::NorFlash;
 
@@ -25,7 +26,7 @@ use parse::{Words, parse};
 const HELP: &[&str] = &[
     "help             this list",
     "id               board, device number, versions",
-    "status           state, table, profile, word, switches, servos",
+    "status           state, table, profile, word, switches, servos, load, stack",
     "limits           limits of all coils and servos, remaining on-times",
     "profile          wiring of the board, and limits that no table can exceed",
     "table            the loaded table",
@@ -146,7 +147,20 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
                 None => say(out, format_args!("servo {index}: no answer yet")).await?,
             }
         }
+        self.say_load(out).await?;
         say(out, format_args!("up {}, latest tick {} us late", self.clock.now(), now.worst_lateness.0)).await
+    }
+
+    /// How much is in use of the processor and of its stack, where the board knows.
+    async fn say_load<W: Write>(&mut self, out: &mut W) -> Result<(), W::Error> {
+        let Health { load_permille, stack, .. } = self.health();
+        if let Some(load) = load_permille {
+            say(out, format_args!("load {}.{} % of the last second", load / 10, load % 10)).await?;
+        }
+        if let Some(StackUse { used, size }) = stack {
+            say(out, format_args!("stack: {used} of {size} bytes were in use")).await?;
+        }
+        Ok(())
     }
 
     /// Which profile is in force, and what of the store is not.

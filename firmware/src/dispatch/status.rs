@@ -27,7 +27,7 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
     ///
     /// Not inlined: the analysis of the image knows this caller of a board's function, see `xtask/src/image/lists.rs`.
     #[inline(never)]
-    pub(super) fn health(&self) -> Health {
+    pub(crate) fn health(&self) -> Health {
         let health = (self.board.health)();
         let chain = health.chain.map(|chain| ChainHealth { errors: self.shared.chain_errors(), ..chain });
         Health { chain, servos_unanswered: self.shared.servos_unanswered(), ..health }
