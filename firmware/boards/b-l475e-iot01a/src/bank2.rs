@@ -78,9 +78,11 @@ impl<C: Clock> Bank2<C> {
     }
 
     fn read_now(&self, offset: usize, bytes: &mut [u8]) {
+        bus::note_reading(true);
         for (byte, address) in bytes.iter_mut().zip(BANK_2 + offset..) {
             *byte = bus::load_byte(address);
         }
+        bus::note_reading(false);
         note_corrected_errors();
     }
 
@@ -248,25 +250,25 @@ static LAST_DOUBLE_ERROR: AtomicU32 = AtomicU32::new(0);
 /// Words of which one bit was wrong and corrected.
 static CORRECTED: AtomicU32 = AtomicU32::new(0);
 
-/// What the NMI has to do with a failed error check. One in the data, which has checksums, is noted and `None`; any other is
-/// fatal.
+/// What the NMI has to do with a failed error check. One in the data, which has checksums, is noted; any other is fatal.
 ///
 /// # Errors
 ///
 /// The double error, if it is not in the data; `None` when the flash reports no double error.
 pub fn on_nmi() -> Result<(), Option<DoubleError>> {
-    match double_error(bus::read(FLASH.eccr()).0) {
-        Some(DoubleError::Data { offset }) => {
-            // Flags are cleared by writing 1: this one alone.
-            let mut clear = Eccr(0);
-            clear.set_eccd(true);
-            bus::write_value(FLASH.eccr(), clear);
-            LAST_DOUBLE_ERROR.store(offset, Ordering::Relaxed);
-            count(&DOUBLE_ERRORS);
-            Ok(())
-        }
-        fatal => Err(fatal),
+    match double_error(bus::read(FLASH.eccr()).0, bus::is_reading()) {
+        Some(DoubleError::Data { offset }) => LAST_DOUBLE_ERROR.store(offset, Ordering::Relaxed),
+        Some(DoubleError::Hidden) => {}
+        fatal => return Err(fatal),
     }
+    // Flags are cleared by writing 1: this one alone.
+    let mut clear = Eccr(0);
+    clear.set_eccd(true);
+    bus::write_value(FLASH.eccr(), clear);
+    // A write that is still on its way when the NMI ends would let it be entered again, without its flag.
+    bus::read(FLASH.eccr());
+    count(&DOUBLE_ERRORS);
+    Ok(())
 }
 
 /// Double errors in the data since the start, and the offset of the last in bank 2.

@@ -42,6 +42,18 @@ pub(crate) fn load_byte(address: usize) -> u8 {
     access::load_byte(address)
 }
 
+/// Notes whether the data in the flash are being read, for the NMI of a failed check.
+#[inline(always)]
+pub(crate) fn note_reading(is_reading: bool) {
+    access::note_reading(is_reading);
+}
+
+/// Whether they are.
+#[inline(always)]
+pub(crate) fn is_reading() -> bool {
+    access::is_reading()
+}
+
 /// Writes a word of the flash. Its controller says whether that has an effect.
 #[inline(always)]
 pub(crate) fn store_word(address: usize, word: u32) {
@@ -73,7 +85,19 @@ fn address<T: Copy, A: Access>(register: &Reg<T, A>) -> usize {
 
 #[cfg(target_os = "none")]
 mod chip {
-    use core::sync::atomic::AtomicU8;
+    use core::sync::atomic::{AtomicBool, AtomicU8, Ordering};
+
+    static IS_READING: AtomicBool = AtomicBool::new(false);
+
+    #[inline(always)]
+    pub(super) fn note_reading(is_reading: bool) {
+        IS_READING.store(is_reading, Ordering::SeqCst);
+    }
+
+    #[inline(always)]
+    pub(super) fn is_reading() -> bool {
+        IS_READING.load(Ordering::SeqCst)
+    }
 
     #[inline(always)]
     pub(super) fn load<T: Copy>(address: usize) -> T {

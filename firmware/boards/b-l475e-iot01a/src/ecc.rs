@@ -1,12 +1,14 @@
 //! What a failed error check of the flash means: pure functions of the chip's ECC register.
 //!
-//! RM0351, 3.7.7: bits 0 to 18 are the address in the bank, bit 19 the bank, bit 20 the system flash, bit 31 a double
-//! error that was detected and could not be corrected.
+//! RM0351, 3.7.7: bits 0 to 18 are the address in the bank, bit 19 the bank, bit 20 the system flash, bit 30 an error that was
+//! corrected, bit 31 a double error that was detected and could not be. The address is that of the first error since both flags
+//! were cleared.
 use darm_firmware::store::FLASH_BYTES;
 
 const ADDRESS: u32 = 0x7_FFFF;
 const BANK_2: u32 = 1 << 19;
 const SYSTEM: u32 = 1 << 20;
+const CORRECTED: u32 = 1 << 30;
 const DOUBLE: u32 = 1 << 31;
 
 /// Where a double error is.
@@ -17,6 +19,9 @@ pub enum DoubleError {
         /// Bytes from the start of bank 2.
         offset: u32,
     },
+    /// In the data, which are being read, behind a corrected error elsewhere that has the address: a torn word and a weak bit of the
+    /// code together do not end every start.
+    Hidden,
     /// In the code or outside everything the firmware uses: nothing that runs can be trusted.
     Code {
         /// Bank, 1 or 2.
@@ -31,17 +36,19 @@ pub enum DoubleError {
     },
 }
 
-/// Reads the ECC register; `None` without a double error.
-pub const fn double_error(eccr: u32) -> Option<DoubleError> {
+/// Reads the ECC register, `is_reading` while the data are read; `None` without a double error.
+pub const fn double_error(eccr: u32, is_reading: bool) -> Option<DoubleError> {
     let offset = eccr & ADDRESS;
     if eccr & DOUBLE == 0 {
         None
+    } else if eccr & (SYSTEM | BANK_2) == BANK_2 && (offset as usize) < FLASH_BYTES {
+        Some(DoubleError::Data { offset })
+    } else if eccr & CORRECTED != 0 && is_reading {
+        Some(DoubleError::Hidden)
     } else if eccr & SYSTEM != 0 {
         Some(DoubleError::System { offset })
     } else if eccr & BANK_2 == 0 {
         Some(DoubleError::Code { bank: 1, offset })
-    } else if (offset as usize) < FLASH_BYTES {
-        Some(DoubleError::Data { offset })
     } else {
         Some(DoubleError::Code { bank: 2, offset })
     }
@@ -49,11 +56,16 @@ pub const fn double_error(eccr: u32) -> Option<DoubleError> {
 
 #[cfg(test)]
 mod tests {
-    use super::{DoubleError, double_error};
+    use super::DoubleError;
     use darm_firmware::store::FLASH_BYTES;
 
     const DETECTED: u32 = 0x8000_0000;
     const CORRECTED: u32 = 0x4000_0000;
+
+    /// While the data are not read.
+    fn double_error(eccr: u32) -> Option<DoubleError> {
+        super::double_error(eccr, false)
+    }
 
     #[test]
     fn only_the_data_of_bank_2_survives() {
@@ -71,5 +83,14 @@ mod tests {
     fn a_corrected_error_is_no_double_error() {
         assert_eq!(double_error(CORRECTED | 0x1234), None);
         assert_eq!(double_error(0), None);
+    }
+
+    #[test]
+    fn behind_a_corrected_error_a_double_error_is_where_is_read() {
+        let behind_code = DETECTED | CORRECTED | 0x1234;
+        assert_eq!(super::double_error(behind_code, true), Some(DoubleError::Hidden));
+        assert_eq!(double_error(behind_code), Some(DoubleError::Code { bank: 1, offset: 0x1234 }));
+        assert_eq!(super::double_error(DETECTED | 0x1234, true), double_error(behind_code), "its own address");
+        assert_eq!(super::double_error(behind_code | 0x8_0000, true), Some(DoubleError::Data { offset: 0x1234 }));
     }
 }

@@ -93,7 +93,7 @@ fn end_nmi(error: Option<DoubleError>) -> ! {
         Some(DoubleError::Code { bank: 1, offset }) => ("double ECC error in bank 1", offset),
         Some(DoubleError::Code { offset, .. } | DoubleError::Data { offset }) => ("double ECC error in bank 2", offset),
         Some(DoubleError::System { offset }) => ("double ECC error in system flash", offset),
-        None => ("non-maskable interrupt of no known cause", 0),
+        Some(DoubleError::Hidden) | None => ("non-maskable interrupt of no known cause", 0),
     };
     end::<Board>(CrashKind::HardFault, Registers::UNKNOWN, format_args!("{what}, offset {offset:#x}"))
 }

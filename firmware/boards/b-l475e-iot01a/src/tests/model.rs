@@ -6,7 +6,7 @@
 //! that flag.
 //!
 //! Each access takes one cycle of the core's clock as it is set. Interrupts are not taken: a test asks for the request lines
-//! and calls the handlers.
+//! and calls the handlers. The NMI is, behind the read that raises it; an end of the start is a panic.
 pub(crate) mod adc;
 pub(crate) mod dma;
 pub(crate) mod flash;
@@ -20,6 +20,8 @@ use std::sync::atomic::AtomicU8;
 
 pub(crate) use flash::{BANK_2, Ecc};
 pub(crate) use rcc::Crystal;
+
+use crate::bank2::on_nmi;
 
 /// First address that [`dma_address`] gives.
 const RAM: u32 = 0x2000_0000;
@@ -40,6 +42,7 @@ pub(crate) struct Chip {
     pub(crate) adc: adc::Adc,
     /// SYSCFG_MEMRMP (RM0351, 9.2.1).
     pub(crate) remap: u32,
+    is_reading: bool,
     memories: Vec<&'static [AtomicU8]>,
     /// Parts of a ns that accesses have taken.
     cycle_rest: f64,
@@ -84,10 +87,23 @@ pub(crate) fn store<T: Copy>(address: usize, value: T) {
 }
 
 pub(crate) fn load_byte(address: usize) -> u8 {
-    with(|chip| {
+    let (byte, raises_nmi) = with(|chip| {
         chip.tick();
-        chip.flash.read(address)
-    })
+        let nmis = chip.flash.nmis;
+        (chip.flash.read(address), chip.flash.nmis > nmis)
+    });
+    if raises_nmi {
+        on_nmi().expect("the start ends");
+    }
+    byte
+}
+
+pub(crate) fn note_reading(is_reading: bool) {
+    with(|chip| chip.is_reading = is_reading);
+}
+
+pub(crate) fn is_reading() -> bool {
+    with(|chip| chip.is_reading)
 }
 
 pub(crate) fn dma_address(memory: &'static [AtomicU8]) -> u32 {
@@ -117,6 +133,7 @@ impl Chip {
             gpio: gpio::Gpio::new(),
             adc: adc::Adc::new(),
             remap: 0,
+            is_reading: false,
             memories: Vec::new(),
             cycle_rest: 0.0,
         }

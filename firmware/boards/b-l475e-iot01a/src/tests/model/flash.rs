@@ -51,6 +51,9 @@ const LOCK: u32 = 1 << 31;
 const ECCC: u32 = 1 << 30;
 const ECCD: u32 = 1 << 31;
 
+/// Where in bank 1.
+const WEAK_CODE: u32 = 0x1230;
+
 /// What the check of a double word finds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Ecc {
@@ -82,6 +85,8 @@ pub(crate) struct Flash {
     cache: BTreeMap<usize, u8>,
     /// Double words with a wrong check, by offset in bank 2.
     pub(crate) wrong: BTreeMap<usize, Ecc>,
+    /// A word of the code has a wrong bit, which is corrected whenever it runs.
+    pub(crate) is_code_weak: bool,
     /// NMIs that were raised.
     pub(crate) nmis: u32,
     /// Flags that the next operation ends with, whatever it does: a supply that breaks in, an NVM that fails.
@@ -114,6 +119,7 @@ impl Flash {
             half: None,
             cache: BTreeMap::new(),
             wrong: BTreeMap::new(),
+            is_code_weak: false,
             nmis: 0,
             next_errors: 0,
             hangs: false,
@@ -184,7 +190,7 @@ impl Flash {
     }
 
     /// A byte as the core reads it.
-    pub(super) fn read(&mut self, address: usize) -> u8 {
+    pub(crate) fn read(&mut self, address: usize) -> u8 {
         if (BANK_1..BANK_2).contains(&address) {
             return 0xff;
         }
@@ -206,6 +212,9 @@ impl Flash {
 
     /// 3.3.2 and 3.7.7: the address is that of the first error since the flags were cleared.
     fn check(&mut self, word: usize) {
+        if self.is_code_weak && self.eccr & (ECCC | ECCD) == 0 {
+            self.eccr = self.eccr & 1 << 24 | ECCC | WEAK_CODE;
+        }
         let Some(ecc) = self.wrong.get(&word) else { return };
         if self.eccr & (ECCC | ECCD) == 0 {
             self.eccr = self.eccr & 1 << 24 | word as u32 | 1 << 19;

@@ -34,7 +34,7 @@ impl Flash {
     pub(crate) fn restart(&mut self) {
         let (bytes, programmed) = (core::mem::take(&mut self.bytes), core::mem::take(&mut self.programmed));
         let wrong = core::mem::take(&mut self.wrong);
-        *self = Self { bytes, programmed, wrong, ..Self::new() };
+        *self = Self { bytes, programmed, wrong, is_code_weak: self.is_code_weak, ..Self::new() };
     }
 
     /// Counts an operation that ends; whether its power was there until then. What it leaves else is torn.
