@@ -7,6 +7,7 @@
 //! | `thumb`  | the instructions that matter for calls and stack                  |
 //! | `code`   | functions, frames and direct calls of a linked image              |
 //! | `graph`  | the call graph with indirect calls, deepest chains                |
+//! | `fit`    | whether the lists still fit an image                              |
 //! | `lists`  | what the code does not say: indirect calls, recursion, panics     |
 //! | `stack`  | the bound of the stack over all interrupts                        |
 //! | `panics` | which panics can be reached                                       |
@@ -15,6 +16,7 @@
 mod board;
 mod code;
 mod embedded;
+mod fit;
 mod graph;
 mod lists;
 mod panics;
@@ -96,8 +98,8 @@ impl Command {
     }
 
     fn analyse(&self, path: &Path) -> Result<()> {
-        let image = code::Image::read(path)?;
         let Some(lists) = self.board.lists() else { bail!("the image of this board is not analysed; drop the option") };
+        let image = read(path, lists)?;
         let graph = graph::Graph::new(&image, lists)?;
         let bound = stack::Bound::new(&image, &graph)?;
         if self.stack {
@@ -111,9 +113,16 @@ impl Command {
     }
 }
 
+/// Reads an image that the committed lists fit.
+fn read(path: &Path, lists: &lists::Lists) -> Result<code::Image> {
+    let image = code::Image::read(path)?;
+    fit::check(&image, lists)?;
+    Ok(image)
+}
+
 /// Stack and static RAM of an image as a page of the documentation.
 fn budget(path: &Path) -> Result<String> {
-    let image = code::Image::read(path)?;
+    let image = read(path, &lists::B_L475E_IOT01A)?;
     let graph = graph::Graph::new(&image, &lists::B_L475E_IOT01A)?;
     let stack = stack::Bound::new(&image, &graph)?.table(&graph, false);
     let ram = ram::table(path)?;
@@ -137,8 +146,8 @@ pub fn figures() -> Result<Vec<(String, f64, &'static str)>> {
 
 fn analysed(name: &str, board: Board) -> Result<Vec<(String, f64, &'static str)>> {
     let path = build_for(board)?;
-    let image = code::Image::read(&path)?;
     let lists = board.lists().context("the image of this board is not analysed")?;
+    let image = read(&path, lists)?;
     let graph = graph::Graph::new(&image, lists)?;
     let bound = stack::Bound::new(&image, &graph)?;
     let (bytes, size) = (f64::from(bound.bytes()), f64::from(bound.size()));
@@ -176,7 +185,7 @@ pub fn sizes(elf: &Path) -> Result<[(&'static str, f64); 2]> {
 pub fn check(board: Board) -> Result<()> {
     let path = build_for(board)?;
     let Some(lists) = board.lists() else { return Ok(()) };
-    let image = code::Image::read(&path)?;
+    let image = read(&path, lists)?;
     let graph = graph::Graph::new(&image, lists)?;
     let bound = stack::Bound::new(&image, &graph)?;
     eprint!("{}", bound.table(&graph, false));

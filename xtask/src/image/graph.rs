@@ -5,7 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use anyhow::{Result, bail};
 
 use super::code::{Call, Function, Image};
-use super::lists::{Callee, Lists};
+use super::fit::rule_of;
+use super::lists::{Callee, LISTS, Lists};
 
 /// The image's functions with the indirect calls resolved.
 pub(crate) struct Graph<'i> {
@@ -38,12 +39,8 @@ impl<'i> Graph<'i> {
         for (&address, function) in &image.functions {
             let mut calls = function.calls.clone();
             if function.calls_indirectly {
-                match lists
-                    .indirect
-                    .iter()
-                    .find(|rule| rule.callers.iter().any(|caller| function.name.contains(caller)))
-                {
-                    Some(rule) => calls.extend(callees(image, rule.callees)),
+                match rule_of(lists, &function.name) {
+                    Some((_, rule)) => calls.extend(callees(image, rule.callees)),
                     None => missing.push(function.name.as_str()),
                 }
             }
@@ -99,7 +96,7 @@ impl<'i> Graph<'i> {
     /// # Errors
     /// For recursion that is not listed, and for a frame of unknown size.
     pub(crate) fn deepest(&self, root: u32, stop: &dyn Fn(&str) -> bool) -> Result<Chain> {
-        let entries = self.lists.recursion.iter().map(|rule| rule.depth).collect();
+        let entries = self.lists.recursion.iter().copied().flatten().map(|rule| rule.depth).collect();
         Search { graph: self, stop, known: BTreeMap::new(), open: Vec::new() }.deepest(root, entries)
     }
 }
@@ -114,9 +111,6 @@ fn callees<'a>(image: &'a Image, callees: &'a [Callee]) -> impl Iterator<Item = 
     found.map(|(&to, _)| Call { at: 0, to, is_tail: false })
 }
 
-/// Where the committed lists are.
-pub(crate) const LISTS: &str = "xtask/src/image/lists.rs";
-
 struct Search<'g, 'i> {
     graph: &'g Graph<'i>,
     stop: &'g dyn Fn(&str) -> bool,
@@ -127,8 +121,15 @@ struct Search<'g, 'i> {
 impl Search<'_, '_> {
     fn deepest(&mut self, from: u32, mut entries: Entries) -> Result<Chain> {
         let name = self.graph.name(from);
-        if let Some((_, left)) =
-            self.graph.lists.recursion.iter().zip(&mut entries).find(|(rule, _)| name == rule.function)
+        if let Some((_, left)) = self
+            .graph
+            .lists
+            .recursion
+            .iter()
+            .copied()
+            .flatten()
+            .zip(&mut entries)
+            .find(|(rule, _)| name == rule.function)
         {
             let Some(fewer) = left.checked_sub(1) else { return Ok(Chain::default()) };
             *left = fewer;
@@ -211,7 +212,7 @@ mod tests {
     fn recursion_is_rejected_unless_it_is_listed() {
         let error = deepest(&image(&[("root", 8, &[2], &[]), ("a", 8, &[4], &[]), ("b", 8, &[2], &[])])).unwrap_err();
         assert!(error.to_string().contains("a\n  b"), "{error}");
-        let listed = &B_L475E_IOT01A.recursion[0];
+        let listed = &B_L475E_IOT01A.recursion[0][0];
         let image = image(&[("root", 8, &[2], &[]), (listed.function, 10, &[4], &[]), ("b", 1, &[2], &[])]);
         assert_eq!(deepest(&image).unwrap().bytes, 8 + listed.depth * 11);
     }

@@ -2,6 +2,9 @@
 
 pub(crate) mod pico;
 
+/// Where they are.
+pub(crate) const LISTS: &str = "xtask/src/image/lists.rs";
+
 /// Whom the indirect calls of functions can reach.
 pub(crate) struct Indirect {
     /// Parts of the callers' names.
@@ -23,7 +26,7 @@ pub(crate) struct Lists {
     /// Their addresses are in vtables, and nothing calls them through these.
     pub(crate) never_called: &'static [&'static str],
     /// Functions by which every recursion of the image passes.
-    pub(crate) recursion: &'static [Recursion],
+    pub(crate) recursion: &'static [&'static [Recursion]],
     /// What ends a start.
     pub(crate) ends: &'static [&'static str],
     /// What has returned before the first task starts.
@@ -60,7 +63,7 @@ impl Level {
 pub(crate) static B_L475E_IOT01A: Lists = Lists {
     indirect: INDIRECT,
     never_called: NEVER_CALLED,
-    recursion: RECURSION,
+    recursion: &[RECURSION, INDENTED],
     ends: ENDS,
     before_tasks: BEFORE_TASKS,
     last_spawn: &[],
@@ -103,10 +106,8 @@ pub(crate) const FORMATS_ANY: Indirect = Indirect {
         Named("core::fmt::Debug"),
         Named("core::fmt::Display"),
         Named("core::fmt::LowerHex"),
-        Named("core::fmt::UpperHex"),
         Named("core::fmt::Write>::write_str"),
-        Named("core::fmt::Write>::write_char"),
-        Named("core::fmt::Write::write_char"),
+        Named("::write_char"),
     ],
 };
 
@@ -123,8 +124,7 @@ pub(crate) const WRITES_TEXT: Indirect = Indirect {
     ],
     callees: &[
         Named("core::fmt::Write>::write_str"),
-        Named("core::fmt::Write>::write_char"),
-        Named("core::fmt::Write::write_char"),
+        Named("::write_char"),
         Named("core::ptr::drop_in_place<darm_firmware::text::Line>"),
         WAKERS,
     ],
@@ -185,18 +185,20 @@ const NEVER_CALLED: &[&str] =
 const RECURSION: &[Recursion] = &[
     // A message of a panic or an answer in text, the error in it, the error in that, its number.
     Recursion { function: "core::fmt::write", depth: 4 },
-    // No type that is printed has a derived `Debug` within another one.
-    Recursion { function: "<core::fmt::Formatter>::debug_struct_field1_finish", depth: 1 },
     Recursion { function: "<&T as core::fmt::Debug>::fmt", depth: 2 },
     Recursion { function: "<&T as core::fmt::Display>::fmt", depth: 2 },
     Recursion { function: "<&dyn core::fmt::Debug as core::fmt::Debug>::fmt", depth: 1 },
+    // A number below the normal range is scaled into it.
+    Recursion { function: "darm_core::trig::single::sqrt", depth: 2 },
+];
+
+/// The same of what only the first board prints.
+const INDENTED: &[Recursion] = &[
+    // No type that is printed has a derived `Debug` within another one.
+    Recursion { function: "<core::fmt::Formatter>::debug_struct_field1_finish", depth: 1 },
     // Only `{:#?}` indents, and nothing prints so.
     Recursion { function: "<core::fmt::builders::PadAdapter as core::fmt::Write>::write_str", depth: 0 },
     Recursion { function: "<core::fmt::builders::PadAdapter as core::fmt::Write>::write_char", depth: 0 },
-    // A record of a later kind first ends the one or two kinds before it.
-    Recursion { function: "darm_core::table::checker::Checker::admit_in_order", depth: 3 },
-    // A number below the normal range is scaled into it.
-    Recursion { function: "darm_core::trig::single::sqrt", depth: 2 },
 ];
 
 /// What ends a start: outputs off, crash record, reset. Should its stack overflow, the hard fault handler does the same

@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 
 use anyhow::{Result, bail};
 
-use super::graph::{Graph, LISTS};
-use super::lists::Lists;
+use super::graph::Graph;
+use super::lists::{LISTS, Lists};
 
 /// A call that panics.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -7,8 +7,8 @@ use super::{Indirect, Level, Lists, MAY_PANIC, MayPanic, RECURSION};
 /// The Raspberry Pi Pico. `main::set_priorities` in its firmware sets the levels.
 pub(crate) static PICO: Lists = Lists {
     indirect: INDIRECT,
-    never_called: &["core::fmt::Write::write_fmt", "<core::fmt::builders::PadAdapter as core::fmt::Write>::write_fmt"],
-    recursion: RECURSION,
+    never_called: &["core::fmt::Write::write_fmt"],
+    recursion: &[RECURSION],
     ends: &["__rustc::rust_begin_unwind", "darm_firmware::kept::keep"],
     before_tasks: &[
         "darm_firmware::hardware::ConsoleMemory<H>::dispatcher",
@@ -66,8 +66,6 @@ const MAY_PANIC_IN_LAYERS: &[MayPanic] = &[
 
 /// The first rule of which a caller matches is taken.
 const INDIRECT: &[Indirect] = &[
-    // The control tick holds the address of the function that runs a row in a register.
-    Indirect { callers: &["TIMER_IRQ_1"], callees: &[Named("darm_core::sequencer::Sequencer::run_row"), WAKERS] },
     // All tasks run in the executors of these interrupts; the control tick is none.
     Indirect {
         callers: &["SWI_IRQ_", "embassy_executor::platform::interrupt::InterruptExecutor::on_interrupt"],
