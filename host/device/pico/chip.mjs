@@ -8,8 +8,8 @@ const XIP_CONTROL = 0x14000;
 const VECTORS = 0x100;
 const RAM = 0x20000000;
 const NS_PER_CYCLE = 8;
-// Output pins whose edges are reported.
-const REPORTED = [2, 3, 4, 5];
+// Output pins whose edges are reported: those of the chain, and the pulse to a camera.
+const REPORTED = [2, 3, 4, 5, 19];
 // What the stack's memory holds before it is used.
 const PAINT = 0x5c;
 // The exception of TIMER_IRQ_1, in which the control tick runs.

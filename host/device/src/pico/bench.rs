@@ -15,6 +15,7 @@ const CHAIN: ChainPins = ChainPins { data: 2, clock: 3, latch: 4, enable: 5 };
 const FIRST_INPUT: u8 = 6;
 const INPUTS: u8 = 13;
 const JUMPER: u8 = 22;
+const SYNC: u8 = 19;
 /// The chain: eight 74HC595.
 const CHIPS: usize = 8;
 /// Levels of the chain's pins while nothing drives them: the pull-up holds output enable high.
@@ -22,11 +23,21 @@ const RELEASED: u16 = 1 << CHAIN.enable;
 /// One step.
 const STEP_NS: u64 = 1_000_000;
 
+/// When pins changed, in nanoseconds of [`Stepped::now_ns`].
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Edges {
+    /// Another level of an output line.
+    pub lines: Vec<u64>,
+    /// The pulse to a camera, with its level from then on.
+    pub sync: Vec<(u64, bool)>,
+}
+
 /// The board with its plant.
 pub struct PicoBench {
     emulator: Emulator,
     plant: Plant,
     chain: Chain,
+    edges: Edges,
     to_host: VecDeque<u8>,
     now_ns: u64,
     /// Levels of the inputs as the emulator has them.
@@ -49,7 +60,18 @@ impl PicoBench {
         emulator.send(&format!("{levels}pin {JUMPER} 1\n"))?;
         let chain = Chain::new(CHAIN, CHIPS, RELEASED);
         let (to_host, failure) = (VecDeque::new(), None);
-        Ok(Self { emulator, plant, chain, to_host, now_ns: 0, shown: 0, ended: None, resets: 0, failure })
+        Ok(Self {
+            emulator,
+            plant,
+            chain,
+            edges: Edges::default(),
+            to_host,
+            now_ns: 0,
+            shown: 0,
+            ended: None,
+            resets: 0,
+            failure,
+        })
     }
 
     /// Lets the power fail within this operation of the flash from now on, 1 for the next; `noise` decides what it leaves.
@@ -132,6 +154,11 @@ impl PicoBench {
         measured
     }
 
+    /// Edges of the output lines and of the pulse to a camera since the last call.
+    pub fn take_edges(&mut self) -> Edges {
+        std::mem::take(&mut self.edges)
+    }
+
     /// Why the chip does not run, if it does not.
     pub fn ended(&self) -> Option<Ended> {
         self.ended
@@ -173,9 +200,12 @@ impl PicoBench {
 
     fn take(&mut self, report: Report) {
         match report {
+            Report::Edge { at_ns, pin: SYNC, high } => self.edges.sync.push((at_ns, high)),
             Report::Edge { at_ns, pin, high } => {
+                let before = self.chain.lines();
                 if let Some(lines) = self.chain.edge(pin, high) {
                     self.plant.set_lines(1e-9 * at_ns as f64, lines);
+                    self.edges.lines.extend((lines != before).then_some(at_ns));
                 }
             }
             Report::Console(bytes) => self.to_host.extend(bytes),

@@ -17,7 +17,7 @@ use darm_arm::image::UploadImage;
 use crate::client::{Client, ClientError};
 use crate::in_process::InProcess;
 use crate::plant::Plant;
-pub use bench::PicoBench;
+pub use bench::{Edges, PicoBench};
 pub use emulator::{Ended, Measured, PicoError, find};
 
 /// The file that represents the part of the flash that the firmware writes.
