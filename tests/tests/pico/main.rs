@@ -6,6 +6,7 @@ mod bench;
 mod faults;
 #[path = "../emulator/missing.rs"]
 mod missing;
+mod sync;
 #[path = "../bench/tables.rs"]
 mod tables;
 
@@ -112,9 +113,12 @@ fn a_profile_needs_the_jumper_and_a_reboot_starts_again() {
     assert_eq!(bench.connect().hello().unwrap().boots, boots + 2);
 }
 
-/// How many noises each operation is cut with: 1, or as many as the environment variable `DARM_PICO_NOISES` says.
-fn noises() -> u32 {
-    std::env::var("DARM_PICO_NOISES").map_or(1, |text| text.parse().unwrap())
+/// The noises each operation is cut with: 1, or as many as the environment variable `DARM_PICO_NOISES` says, behind those that
+/// `DARM_SEED` counts.
+fn noises() -> std::ops::RangeInclusive<u32> {
+    let [count, before] = [("DARM_PICO_NOISES", 1), ("DARM_SEED", 0)]
+        .map(|(name, default)| std::env::var(name).map_or(default, |text| text.parse().unwrap()));
+    before + 1..=before + count
 }
 
 #[test]
@@ -126,7 +130,7 @@ fn a_power_cut_within_any_operation_of_the_flash_leaves_the_old_or_the_new_table
     bench.connect().calibrate(calibration).unwrap();
     let operations = |bench: &Bench| bench.with(|board| board.measure().flash_operations);
     let (mut loaded, mut old, mut new, mut cuts) = (ModelHash(11), 0, 0, 0);
-    for noise in 1..=noises() {
+    for noise in noises() {
         // Beyond the last operation of an upload no power fails: then all have been cut.
         for operation in 1.. {
             let next = images[usize::from(loaded == ModelHash(11))].clone();
