@@ -224,10 +224,11 @@ impl Pins for BoardPins {
         }
     }
 
-    /// The pin becomes an output with the first pulse.
+    /// The pin becomes an output with the first pulse, which rises behind the lines of its row: the chain takes 25 µs.
     fn set_sync(&mut self, high: bool) {
         let sio = pac::SIO;
         if high {
+            self.0.await_latch();
             sio.gpio_out(0).value_set().write_value(1 << SYNC);
             sio.gpio_oe(0).value_set().write_value(1 << SYNC);
             pac::IO_BANK0.gpio(SYNC).ctrl().write(|w| w.set_funcsel(pac::io::vals::Gpio0ctrlFuncsel::SIO_0 as u8));

@@ -87,8 +87,14 @@ impl Chain {
     pub(crate) fn set_enabled(&mut self, enabled: bool) {
         if !enabled {
             self.enable.set_high();
-        } else if (0..LOOKS).any(|_| pac::PIO0.irq().read().irq() & SHOWN != 0) {
+        } else if self.await_latch() {
             self.enable.set_low();
         }
+    }
+
+    /// Waits until the latch shows the lines that were shifted last; whether it does.
+    #[inline(always)]
+    pub(crate) fn await_latch(&self) -> bool {
+        (0..LOOKS).any(|_| pac::PIO0.irq().read().irq() & SHOWN != 0)
     }
 }
