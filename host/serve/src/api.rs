@@ -95,8 +95,8 @@ struct ServoName {
 
 /// The arm's names; `null` where the server was started without an arm.
 pub(crate) async fn arm(State(hub): Shared) -> Response {
-    let view = hub.wired().map(|wired| {
-        let arm = &wired.arm;
+    let view = hub.served().map(|served| {
+        let arm = &served.wired.arm;
         let chain = &arm.model.chain;
         let actuator = |index| ActuatorName { name: arm.actuator_name(index), states: chain.n_states(index) };
         let servo = |(index, servo): (usize, &darm_arm::arm::Servo)| ServoName {
@@ -106,7 +106,7 @@ pub(crate) async fn arm(State(hub): Shared) -> Response {
         };
         ArmView {
             name: &arm.name,
-            file: hub.arm_file().unwrap_or_default(),
+            file: &served.file,
             model: arm.hash().to_string(),
             number: arm.model.number,
             is_planar: chain.is_planar(),

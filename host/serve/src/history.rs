@@ -21,7 +21,7 @@ mod write;
 
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 
 use rusqlite::{Connection, OpenFlags};
 
@@ -128,12 +128,6 @@ impl History {
         *self.problem.lock().unwrap_or_else(PoisonError::into_inner) = problem;
         written
     }
-}
-
-/// Time of this computer, ms since 1970.
-pub(crate) fn now_ms() -> i64 {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    since.as_millis() as i64
 }
 
 /// A commit is on the disk before it returns, and readers do not wait for a writer.

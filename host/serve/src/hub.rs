@@ -14,12 +14,13 @@ use tokio::sync::{oneshot, watch};
 
 use crate::control::{Control, ControlError};
 use crate::history::History;
-use crate::measured::{self, Measured};
+use crate::measured::Measured;
 use crate::order::{Order, PATIENCE, Task};
 use crate::picture::Picture;
 use crate::program::Program;
 use crate::refusal::{Kind, Refused};
 use crate::served_arm::ServedArm;
+use crate::unix_time;
 use crate::view::{BoardView, EventView, LinkView, LiveView, UploadView};
 
 /// What is older than this is not live: ten times the interval of the questions.
@@ -93,14 +94,14 @@ impl Hub {
         }
     }
 
+    /// The arm of the server with its file, where it was started with one.
+    pub(crate) fn served(&self) -> Option<&ServedArm> {
+        self.arm.as_ref()
+    }
+
     /// The arm on its board, where one is known.
     pub fn wired(&self) -> Option<&WiredArm> {
         self.arm.as_ref().map(|arm| &arm.wired)
-    }
-
-    /// The file of the arm, as a person named it.
-    pub(crate) fn arm_file(&self) -> Option<&str> {
-        self.arm.as_ref().map(|arm| arm.file.as_str())
     }
 
     /// Where what was seen is kept.
@@ -179,7 +180,7 @@ impl Hub {
             picture: state.picture.0,
             program: state.program.0,
             upload: state.upload,
-            measured: state.measured.view(predicted, measured::unix_now_s()),
+            measured: state.measured.view(predicted, unix_time::now_s()),
             board: state.board.clone(),
             events: state.events.iter().cloned().collect(),
         }
@@ -201,7 +202,7 @@ impl Hub {
     pub(crate) fn set_picture(&self, picture: Result<Picture, String>, travel_s: f64) {
         let mut state = self.state();
         state.picture = (state.picture.0 + 1, Some(Arc::new(picture)));
-        state.measured.moves(measured::unix_now_s() + travel_s);
+        state.measured.moves(unix_time::now_s() + travel_s);
     }
 
     /// Changes what was measured. Pages see it with the next state of the board, or when they ask again.

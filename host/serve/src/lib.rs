@@ -32,6 +32,7 @@ pub mod refusal;
 mod served_arm;
 pub mod server;
 mod turn;
+mod unix_time;
 pub mod upload;
 mod upload_memory;
 pub mod view;

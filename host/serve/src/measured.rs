@@ -4,8 +4,6 @@
 //! R_predicted · R_measuredᵀ in rad, as in the diagnosis. It is formed of poses that were measured while the arm rested in the
 //! posture of the picture, by their mean: a pose of a moving arm, or of an earlier word, is compared with nothing.
 
-use std::time::{SystemTime, UNIX_EPOCH};
-
 use darm_core::real::Vec3;
 use darm_core::se::{Pose, rotation_exp, rotation_log};
 use serde::Serialize;
@@ -152,11 +150,6 @@ impl Measured {
             residual,
         })
     }
-}
-
-/// Unix time now, s.
-pub(crate) fn unix_now_s() -> f64 {
-    SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs_f64()
 }
 
 #[cfg(test)]

@@ -10,7 +10,9 @@ pub struct ServedArm {
     pub file: String,
 }
 
-/// The name of a file without its folder.
-pub(crate) fn file_name(path: &str) -> &str {
-    path.rsplit('/').next().unwrap_or(path)
+impl ServedArm {
+    /// The name of its file without the folder.
+    pub(crate) fn file_name(&self) -> &str {
+        self.file.rsplit('/').next().unwrap_or(&self.file)
+    }
 }

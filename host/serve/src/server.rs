@@ -27,9 +27,8 @@ use crate::measured::PoseSource;
 use crate::pose_reader;
 use crate::refusal::Refused;
 pub use crate::served_arm::ServedArm;
-use crate::served_arm::file_name;
 use crate::watcher::Watcher;
-use crate::{api, diagnosis, pages, reach};
+use crate::{api, diagnosis, pages, reach, unix_time};
 
 /// Largest body of a request: a table of 1024 rows has 60 kB.
 const MAX_BODY: usize = 1 << 18;
@@ -178,11 +177,11 @@ fn follow_poses(hub: &Arc<Hub>, source: PoseSource) -> io::Result<JoinHandle<()>
 }
 
 /// Records the arm of the server.
-fn add_arm(history: &History, ServedArm { wired, file: path }: &ServedArm) -> Result<(), HistoryError> {
-    let arm = &wired.arm;
+fn add_arm(history: &History, served: &ServedArm) -> Result<(), HistoryError> {
+    let (arm, name) = (&served.wired.arm, served.file_name());
     let (digest, file, number) = (arm.hash().to_string(), arm.to_toml(), arm.model.number);
-    let model = ModelEntry { digest: &digest, name: file_name(path), number: Some(number), parent: None, file: &file };
-    history.add_model(&model, history::now_ms())
+    let model = ModelEntry { digest: &digest, name, number: Some(number), parent: None, file: &file };
+    history.add_model(&model, unix_time::now_ms())
 }
 
 fn router(hub: Arc<Hub>, access: Access) -> Router {

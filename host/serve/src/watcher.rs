@@ -13,11 +13,12 @@ use darm_device::client::stop::StopHandle;
 use darm_device::client::{Client, ClientError};
 use darm_device::link::{Link, LinkError};
 
-use crate::history::{self, TableEntry};
+use crate::history::TableEntry;
 use crate::hub::Hub;
 use crate::order::{Order, Task};
 use crate::program::Program;
 use crate::refusal::{Kind, Refused};
+use crate::unix_time;
 use crate::view::UploadView;
 use observer::Observer;
 
@@ -194,7 +195,7 @@ impl Watcher {
             board: &board,
             device: &device,
         };
-        if let Err(error) = history.add_table(&entry, history::now_ms()) {
+        if let Err(error) = history.add_table(&entry, unix_time::now_ms()) {
             eprintln!("darm serve: the table is not recorded: {error}");
         }
     }

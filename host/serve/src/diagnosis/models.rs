@@ -1,13 +1,12 @@
 //! Models that a page need not send: the arm of the server, and those of its history.
 
-use darm_arm::arm::Arm;
 use serde::Serialize;
 use serde_json::Value;
 
 use crate::history::Kind as Entry;
 use crate::hub::Hub;
 use crate::refusal::{Kind, Refused};
-use crate::served_arm;
+use crate::served_arm::ServedArm;
 
 /// Models of the history that are offered, the newest.
 const MAX_MODELS: u32 = 50;
@@ -31,7 +30,7 @@ pub(super) struct ModelText {
 
 /// The arm of the server first, then the newest of the history.
 pub(super) fn list(hub: &Hub) -> Result<Vec<KnownModel>, Refused> {
-    let served = hub.wired().map(|wired| KnownModel::served(&wired.arm, &served_name(hub)));
+    let served = hub.served().map(KnownModel::served);
     let entries = hub.history().map_or(Ok(Vec::new()), |history| history.entries(Entry::Models, Some(MAX_MODELS)));
     let entries = entries.map_err(|error| Refused::new(Kind::Refused, error))?;
     let is_new = |model: &KnownModel| served.as_ref().is_none_or(|served| served.digest != model.digest);
@@ -41,22 +40,23 @@ pub(super) fn list(hub: &Hub) -> Result<Vec<KnownModel>, Refused> {
 
 /// The file of the model with this digest.
 pub(super) fn text(hub: &Hub, digest: &str) -> Result<ModelText, Refused> {
-    if let Some(wired) = hub.wired().filter(|wired| wired.arm.hash().to_string() == digest) {
-        return Ok(ModelText { name: served_name(hub), text: wired.arm.to_toml() });
+    if let Some(served) = hub.served().filter(|served| served.wired.arm.hash().to_string() == digest) {
+        return Ok(ModelText { name: as_file_name(served.file_name()), text: served.wired.arm.to_toml() });
     }
     let failed = |error| Refused::new(Kind::Refused, error);
     let (mut name, mut text) = (None, None);
     if let Some(history) = hub.history() {
         (name, text) = (history.model_name(digest).map_err(failed)?, history.model_file(digest).map_err(failed)?);
     }
-    let found = name.zip(text).map(|(name, text)| ModelText { name: file_name(&name), text });
+    let found = name.zip(text).map(|(name, text)| ModelText { name: as_file_name(&name), text });
     found.ok_or_else(|| Refused::new(Kind::Invalid, format!("the server has no model {digest}; choose its file")))
 }
 
 impl KnownModel {
-    fn served(arm: &Arm, name: &str) -> Self {
+    fn served(served: &ServedArm) -> Self {
+        let arm = &served.wired.arm;
         let (digest, number) = (arm.hash().to_string(), Some(arm.model.number.into()));
-        Self { digest, name: name.to_owned(), number, is_served: true }
+        Self { digest, name: as_file_name(served.file_name()), number, is_served: true }
     }
 
     /// `None` of an entry without a file.
@@ -64,17 +64,12 @@ impl KnownModel {
         let text = |key: &str| entry[key].as_str().map(str::to_owned);
         let has_file = entry["has_file"].as_i64() == Some(1);
         let (digest, name) = text("digest").zip(text("name")).filter(|_| has_file)?;
-        Some(Self { digest, name: file_name(&name), number: entry["number"].as_u64(), is_served: false })
+        Some(Self { digest, name: as_file_name(&name), number: entry["number"].as_u64(), is_served: false })
     }
 }
 
-/// Name of the file that the server was started with.
-fn served_name(hub: &Hub) -> String {
-    file_name(served_arm::file_name(hub.arm_file().unwrap_or_default()))
-}
-
 /// A name that a file can have; earlier versions kept the arm of the server under the name inside its file.
-fn file_name(name: &str) -> String {
+fn as_file_name(name: &str) -> String {
     let is_file = [".toml", ".urdf", ".xml"].iter().any(|end| name.to_lowercase().ends_with(end));
     let plain: String = name.chars().map(|c| if c.is_control() || "/\\:".contains(c) { '-' } else { c }).collect();
     if is_file { plain } else { format!("{plain}.toml") }

@@ -7,7 +7,8 @@ use sha2::{Digest as _, Sha256};
 use super::Diagnoses;
 use super::sources::Sources;
 use super::view::Corrected;
-use crate::history::{self, DiagnosisEntry, ModelEntry};
+use crate::history::{DiagnosisEntry, ModelEntry};
+use crate::unix_time;
 
 impl Diagnoses {
     /// Records a diagnosis, its model and the corrected one, where the server keeps a history. That it cannot be recorded is
@@ -45,7 +46,7 @@ impl Diagnoses {
             summary: diagnosis.plain.first().map_or("", String::as_str),
             report: &report,
         };
-        if let Err(error) = history.add_diagnosis(&entry, history::now_ms()) {
+        if let Err(error) = history.add_diagnosis(&entry, unix_time::now_ms()) {
             eprintln!("darm serve: the diagnosis is not recorded: {error}");
         }
     }

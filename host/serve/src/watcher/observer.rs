@@ -9,10 +9,11 @@ use darm_core::units::{Digest, Micros, Word};
 use darm_core::wire::message::{Hello, OutputState, Status};
 use darm_device::client::{Client, ClientError};
 
-use crate::history::{self, Seen};
+use crate::history::Seen;
 use crate::hub::Hub;
 use crate::picture::{Picture, Posture};
 use crate::program::drive_name;
+use crate::unix_time;
 use crate::view::{ActuatorView, BoardView, EventView, OutputView, PhaseView, QualityView, ServoView, SwitchView};
 
 /// Interval at which on-times are requested: four answers of the largest board.
@@ -112,7 +113,7 @@ impl Observer {
             model: model.as_deref(),
             profile: board.profile.as_deref(),
             board_now_s,
-            now_ms: history::now_ms(),
+            now_ms: unix_time::now_ms(),
             events: &self.unrecorded,
         };
         match history.see(&seen) {
