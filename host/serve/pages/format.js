@@ -1,7 +1,7 @@
 // Numbers with their units, and small helpers to change a page without building it again.
 
 // What rounds to zero has no sign.
-const fixed = (value, decimals) => value.toFixed(decimals).replace(/^-(?=[0.]+$)/, '');
+export const fixed = (value, decimals) => value.toFixed(decimals).replace(/^-(?=[0.]+$)/, '');
 
 export const mm = (m) => `${fixed(1e3 * m, 1)} mm`;
 export const degrees = (rad) => `${fixed((180 / Math.PI) * rad, 2)}°`;

@@ -1,15 +1,14 @@
 // The measured pose of the tool next to the predicted one, and the residual by axis.
 
-import { byId, degrees, make, mm, setText } from './format.js';
+import { byId, fixed, make, setText } from './format.js';
 
-// Residuals are small: µm and thousandths of a degree.
-const mm3 = (m) => `${(1e3 * m).toFixed(3)} mm`;
-const degrees3 = (rad) => `${((180 / Math.PI) * rad).toFixed(3)}°`;
+// Poses to 0.1 mm and 0.01°. Residuals are small: µm and thousandths of a degree.
+const number = (value, axis, isResidual) => (axis < 3 ? fixed(1e3 * value, isResidual ? 3 : 1) : fixed((180 / Math.PI) * value, isResidual ? 3 : 2));
 const length = (vector) => Math.hypot(...vector);
 
 // The axes of a planar arm are x, y and the angle; those of another one have a rotation vector.
-const axes = (isPlanar) => (isPlanar ? [['x', 0], ['y', 1], ['angle', 5]]
-  : [['x', 0], ['y', 1], ['z', 2], ['rotation x', 3], ['rotation y', 4], ['rotation z', 5]]);
+const axes = (isPlanar) => (isPlanar ? [['x, mm', 0], ['y, mm', 1], ['angle, °', 5]]
+  : [['x, mm', 0], ['y, mm', 1], ['z, mm', 2], ['rotation x, °', 3], ['rotation y, °', 4], ['rotation z, °', 5]]);
 const of = ({ position_m: position, rotation_rad: rotation }, axis) => (axis < 3 ? position[axis] : rotation[axis - 3]);
 
 function state({ source, problem, tool, residual, n, age_s: age }) {
@@ -17,7 +16,13 @@ function state({ source, problem, tool, residual, n, age_s: age }) {
   if (!tool) return `No pose from ${source} yet.`;
   const old = age > 1 ? ` The newest pose is ${age.toFixed(0)} s old.` : '';
   if (!residual) return `The newest pose of ${source} was measured before the arm came to rest here: no residual.${old}`;
-  return `Mean of the poses of ${source} since the arm rests here, ${n < 100 ? n : 'the last 100'}.${old}`;
+  return `Mean of the ${n < 100 ? n : 'last 100'} poses from ${source} since the arm came to rest here.${old}`;
+}
+
+// What the source measures besides the pose.
+function conditions({ supply_bar: supply, temperature_c: temperature }) {
+  const parts = [supply === null ? '' : `supply ${supply.toFixed(2)} bar`, temperature === null ? '' : `temperature ${temperature.toFixed(1)} °C`];
+  return parts.filter((part) => part).join(', ').replace(/^./, (first) => first.toUpperCase());
 }
 
 // `predicted` is the tool of the picture.
@@ -26,6 +31,7 @@ export function showMeasured(measured, predicted, isPlanar) {
   section.hidden = !measured;
   if (!measured) return;
   setText(byId('measured-state'), state(measured));
+  setText(byId('conditions'), conditions(measured));
   const { tool, residual } = measured;
   const body = byId('measured');
   const names = axes(isPlanar);
@@ -34,10 +40,10 @@ export function showMeasured(measured, predicted, isPlanar) {
   }
   names.forEach(([, axis], index) => {
     const [, shown, seen, left] = body.children[index].children;
-    setText(shown, predicted ? (axis < 3 ? mm : degrees)(of(predicted, axis)) : '–');
-    setText(seen, tool ? (axis < 3 ? mm : degrees)(of(tool, axis)) : '–');
-    setText(left, residual ? (axis < 3 ? mm3 : degrees3)(of(residual, axis)) : '–');
+    setText(shown, predicted ? number(of(predicted, axis), axis) : '–');
+    setText(seen, tool ? number(of(tool, axis), axis) : '–');
+    setText(left, residual ? number(of(residual, axis), axis, true) : '–');
   });
   setText(byId('residual'), residual
-    ? `Residual (predicted − measured): ${mm3(length(residual.position_m))}, ${degrees3(length(residual.rotation_rad))}` : 'No residual');
+    ? `Residual (predicted − measured): ${number(length(residual.position_m), 0, true)} mm, ${number(length(residual.rotation_rad), 3, true)}°` : 'No residual');
 }

@@ -2,7 +2,7 @@
 
 import { get, post } from './server.js';
 import { follow, onLive, order } from './frame.js';
-import { byId, degrees, make, percent, poseText, seconds, setFacts, setText, titleCells } from './format.js';
+import { byId, degrees, fixed, make, percent, poseText, seconds, setFacts, setText, titleCells } from './format.js';
 import { DensityPlot } from './density.js';
 
 const STAGES = { start: 'starting', index: 'forming the index of the frames', words: 'searching the words', servos: 'searching words and servo angles', map: 'forming the density map' };
@@ -165,7 +165,7 @@ function showFailure(text) {
 // Error of the reached tool along each axis of the base, mm.
 function byAxis(tool, wanted) {
   const axes = NAMES.slice(0, isPlanar() ? 2 : 3);
-  return axes.map((name, axis) => `${name} ${(1e3 * (tool.position_m[axis] - wanted.position_m[axis])).toFixed(3)}`).join(', ');
+  return axes.map((name, axis) => `${name} ${fixed(1e3 * (tool.position_m[axis] - wanted.position_m[axis]), 3)}`).join(', ');
 }
 
 function showFound(answer, wanted) {

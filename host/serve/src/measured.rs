@@ -38,6 +38,10 @@ pub struct MeasuredPose {
     pub time_s: f64,
     /// Pose of the tool in the base.
     pub pose: Pose<f64>,
+    /// Supply; `None` where the source does not measure it.
+    pub supply_bar: Option<f64>,
+    /// Temperature of the arm, °C; `None` as well.
+    pub temperature_c: Option<f64>,
 }
 
 /// What was measured, and of which posture.
@@ -76,6 +80,10 @@ pub struct MeasuredView {
     pub tool: Option<Tool>,
     /// Predicted less measured pose, of this rest.
     pub residual: Option<Residual>,
+    /// The newest supply, bar.
+    pub supply_bar: Option<f64>,
+    /// The newest temperature, °C.
+    pub temperature_c: Option<f64>,
 }
 
 /// Predicted less measured pose.
@@ -148,6 +156,8 @@ impl Measured {
             n: self.rest.map_or(0, |rest| rest.n),
             tool: mean.or(self.newest.map(|newest| newest.pose)).map(|pose| Tool::of(&pose)),
             residual,
+            supply_bar: self.newest.and_then(|newest| newest.supply_bar),
+            temperature_c: self.newest.and_then(|newest| newest.temperature_c),
         })
     }
 }
@@ -164,7 +174,8 @@ mod tests {
     const NEAR: f64 = 1e-6;
 
     fn pose(time_s: f64, x: f64, turn: f64) -> MeasuredPose {
-        MeasuredPose { time_s, pose: Pose::new(&Vec3::new(0.0, 0.0, turn), Vec3::new(x, 2.0, 0.0)) }
+        let pose = Pose::new(&Vec3::new(0.0, 0.0, turn), Vec3::new(x, 2.0, 0.0));
+        MeasuredPose { time_s, pose, supply_bar: None, temperature_c: None }
     }
 
     #[test]

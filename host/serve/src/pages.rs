@@ -135,6 +135,7 @@ fn measured() -> Markup {
                     tbody #measured {}
                 }
             }
+            p #conditions {}
             p #measured-state .note {}
         }
     }

@@ -22,7 +22,7 @@ impl PoseReader for Camera {
     fn read(&mut self) -> Result<Vec<MeasuredPose>, String> {
         let time_s = SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_secs_f64();
         let pose = self.0.lock().unwrap().clone()?;
-        Ok(vec![MeasuredPose { time_s, pose }])
+        Ok(vec![MeasuredPose { time_s, pose, supply_bar: Some(5.49), temperature_c: Some(34.1) }])
     }
 }
 
@@ -84,11 +84,13 @@ fn a_person_sees_the_measured_pose_beside_the_predicted_one() {
             "document.querySelector('#residual').textContent === 'Residual (predicted − measured): 5.000 mm, 0.573°'",
         );
         let residuals = "[...document.querySelectorAll('#measured tr')].map((row) => row.children[0].textContent + ' ' + row.children[3].textContent)";
-        assert_eq!(browser.value(residuals), json!(["x -3.000 mm", "y 4.000 mm", "angle -0.573°"]));
+        assert_eq!(browser.value(residuals), json!(["x, mm -3.000", "y, mm 4.000", "angle, ° -0.573"]));
         browser.wait(&format!(
             "(([x, y]) => Math.hypot(x - {}, y - {}) < 2e-3)(JSON.parse(document.querySelector('#arm').dataset.measured ?? 'null') ?? [9, 9])",
             pose.position.x, pose.position.y
         ));
+        let conditions = "document.querySelector('#conditions').textContent";
+        assert_eq!(browser.value(conditions), "Supply 5.49 bar, temperature 34.1 °C");
         let is_wide = "document.documentElement.scrollWidth > document.documentElement.clientWidth";
         assert_eq!(browser.value(is_wide), false, "the page scrolls sideways at {width} px");
         assert!(browser.serious_findings().is_empty(), "{:#?}", browser.serious_findings());

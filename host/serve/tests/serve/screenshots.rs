@@ -53,7 +53,7 @@ impl PoseReader for Camera {
         let mut pose = arm.model.predict(&condition, &mut ArmScratch::default()).unwrap();
         pose.position += Vec3::new(2.1e-3, -4.6e-3, 0.0);
         let time_s = SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_secs_f64();
-        Ok(vec![MeasuredPose { time_s, pose }])
+        Ok(vec![MeasuredPose { time_s, pose, supply_bar: Some(5.49), temperature_c: Some(34.1) }])
     }
 }
 

@@ -2,6 +2,7 @@
 
 use darm_serve::measured::{MeasuredPose, PoseReader, PoseSource};
 
+use crate::commands::camera::Picture;
 use crate::commands::record::Camera;
 use crate::port::emulated_camera;
 
@@ -28,8 +29,12 @@ impl PoseReader for Reader {
         // What arrived before the end is read below.
         let is_closed = self.0.is_closed();
         self.0.poll().map_err(|error| error.to_string())?;
-        let pose =
-            |picture: &crate::commands::camera::Picture| MeasuredPose { time_s: picture.time_s, pose: picture.pose };
+        let pose = |picture: &Picture| MeasuredPose {
+            time_s: picture.time_s,
+            pose: picture.pose,
+            supply_bar: picture.supply_bar,
+            temperature_c: picture.temperature_c,
+        };
         let poses: Vec<MeasuredPose> = self.0.pictures().iter().map(pose).collect();
         self.0.forget_before(f64::INFINITY);
         if is_closed && poses.is_empty() {
