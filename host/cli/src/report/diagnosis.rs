@@ -61,8 +61,8 @@ fn verdict(diagnosis: &Diagnosis) -> Markup {
     html! {
         section {
             h2 { (verdict) }
-            @for sentence in others { p { (sentence) } }
             p.next { b { "Next: " } (diagnosis.verdict.next_step()) }
+            @for sentence in others { p { (sentence) } }
         }
     }
 }

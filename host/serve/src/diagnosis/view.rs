@@ -79,8 +79,8 @@ fn report(diagnosis: &Diagnosis) -> Markup {
         section #verdict-section tabindex="-1" aria-labelledby="verdict-title" data-verdict=(diagnosis.verdict) {
             h2 #verdict-title { "Verdict" }
             p.verdict { (verdict) }
-            @for sentence in others { p { (sentence) } }
             p.next { b { "Next: " } (diagnosis.verdict.next_step()) }
+            @for sentence in others { p { (sentence) } }
         }
         section aria-labelledby="sampling-title" {
             h2 #sampling-title { "Measurements" }
