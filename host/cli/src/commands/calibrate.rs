@@ -43,8 +43,9 @@ false alarm no more often than one diagnosis does.
 With --upload the frames are measured too, with their words before and with the nearest ones, and the nearest ones are uploaded.
 
 FOLDER has all that was measured. A loop that was interrupted continues with the look that was not complete when the command \
-is repeated. At the end the folder has run.csv, for `darm diagnose`, and, where an effect is named, model.toml with it, \
-words.darm with the nearest words for the arm as it is, and adjusted.toml with the stops that bring its tool to the frames.";
+is repeated. At the end the folder has run.csv, for `darm diagnose`, report.html with the verdict and its evidence, and, where an \
+effect is named, model.toml with it, words.darm with the nearest words for the arm as it is, and adjusted.toml with the stops that \
+bring its tool to the frames.";
 
 /// Close the loop: measure, diagnose and choose the next words until the verdict is certain enough
 #[derive(clap::Args, Debug)]
@@ -116,6 +117,7 @@ impl Calibrate {
         let (state, looks, last) = until_the_end(&task, &mut board)?;
         let mut result = Calibrated::new(&state, looks, &last, &self.folder);
         folder.keep_run(&state.run)?;
+        folder.keep_report(&last.outcome.diagnosis, &self.arm)?;
         if let Some(corrected) = last.outcome.correction.corrected(&wired.arm, &state.run, Keep::Effects) {
             result.model = Some(folder.keep_arm("model.toml", &corrected)?);
             let (better, table) = words(&corrected, &frames, &board)?;

@@ -8,6 +8,7 @@ use darm_diagnose::calibrate::{Look, Next, Reason, State};
 use darm_diagnose::outcome::{Effect, Verdict};
 use serde::Serialize;
 
+use super::folder::REPORT;
 use crate::commands::{adjust, diagnose};
 use crate::ui::{Answer, columns};
 
@@ -191,6 +192,9 @@ impl Answer for Calibrated {
             let words = shown(&self.folder, "words.darm");
             lines.push(match &self.uploaded {
                 Some(digest) => format!("uploaded the nearest words: table {}", digest.get(..16).unwrap_or(digest)),
+                None if self.frames.iter().all(|frame| frame.word == frame.better_word) => {
+                    "the words are the nearest already: only other stops bring the tool nearer".to_owned()
+                }
                 None => format!("to use the nearest words with the arm as it is: `darm upload {words}`"),
             });
         }
@@ -199,7 +203,7 @@ impl Answer for Calibrated {
             lines.push(format!("\nto {reached} by adjusting the stops, {}:", adjusted.file.display()));
             lines.push(adjusted.report.text());
         }
-        lines.push(format!("\nwrote {}", shown(&self.folder, "run.csv")));
+        lines.push(format!("\nwrote {} and {}", shown(&self.folder, "run.csv"), shown(&self.folder, REPORT)));
         lines.extend(self.model.as_ref().map(|path| format!("wrote the corrected model to {}", path.display())));
         lines.join("\n")
     }

@@ -11,10 +11,12 @@ use darm_arm::table_file::{self, visits_file};
 use darm_diagnose::calibrate::Options;
 use darm_diagnose::measurement::poses::{self, Which};
 use darm_diagnose::measurement::{Run, Sample, write_text};
+use darm_diagnose::outcome::Diagnosis;
 use darm_diagnose::visit_table::{PlannedVisit, VisitTable};
 use serde::{Deserialize, Serialize};
 
 use super::CalibrateError;
+use crate::commands::diagnose;
 use crate::output_file;
 
 /// Version of the folder's files.
@@ -22,6 +24,10 @@ const FORMAT: u32 = 1;
 /// What the calibration was begun with.
 const SETTINGS: &str = "calibration.json";
 
+/// All rows.
+const RUN: &str = "run.csv";
+/// The verdict and its evidence.
+pub(super) const REPORT: &str = "report.html";
 /// What was measured at the frames.
 const FRAMES: &str = "frames.csv";
 
@@ -115,7 +121,13 @@ impl Folder {
 
     /// Keeps all rows in one file.
     pub(super) fn keep_run(&self, run: &Run) -> anyhow::Result<()> {
-        output_file::write_all(&[(&self.file("run.csv"), write_text(run).as_bytes())])
+        output_file::write_all(&[(&self.file(RUN), write_text(run).as_bytes())])
+    }
+
+    /// Keeps the page of the diagnosis of all rows.
+    pub(super) fn keep_report(&self, diagnosis: &Diagnosis, arm: &Path) -> anyhow::Result<()> {
+        let page = diagnose::page(diagnosis, arm, &self.file(RUN))?;
+        output_file::write_all(&[(&self.file(REPORT), page.as_bytes())])
     }
 
     /// Keeps an arm.
