@@ -8,7 +8,7 @@ const EXAMPLES: &str = "\
 Examples:
   darm console                                                 # the only board there is
   darm console -p unix:$HOME/.local/state/darm/board/port      # the board at this port
-  printf 'id\\nstatus\\n' | darm console                       # a script
+  printf 'id\\nstatus\\n' | darm console                         # a script
 
 The commands are the board's own and work from any terminal program at 115200 baud; `help` lists them, `help COMMAND` explains one \
 with the values that are allowed now. The prompt shows what the board does; Tab completes commands and values, arrow keys recall \

@@ -8,16 +8,21 @@ pub(crate) struct CommandText {
     pub(crate) arguments: &'static str,
     /// What it does.
     pub(crate) help: &'static str,
-    /// Whether the console runs it and not the board.
-    pub(crate) is_local: bool,
+    /// Its line in the list of `help`, where the console runs it; the board lists those that it runs.
+    summary: Option<&'static str>,
 }
 
 const fn board(name: &'static str, arguments: &'static str, help: &'static str) -> CommandText {
-    CommandText { name, arguments, help, is_local: false }
+    CommandText { name, arguments, help, summary: None }
 }
 
-const fn local(name: &'static str, arguments: &'static str, help: &'static str) -> CommandText {
-    CommandText { name, arguments, help, is_local: true }
+const fn console(
+    name: &'static str,
+    arguments: &'static str,
+    summary: &'static str,
+    help: &'static str,
+) -> CommandText {
+    CommandText { name, arguments, help, summary: Some(summary) }
 }
 
 /// All of them.
@@ -30,7 +35,7 @@ pub(crate) const COMMANDS: [CommandText; 18] = [
          limits the time; an output that has been on recovers while it is off. Both coils of an actuator are never on together.",
     ),
     board("fault", "", "Prints the latched fault, and the record of the last crash of the firmware."),
-    local("help", "[COMMAND]", "Lists the commands, or explains one."),
+    console("help", "[COMMAND]", "explain a command", "Lists the commands, or explains one."),
     board("id", "", "Prints board, device number, versions of firmware and protocol."),
     board(
         "limits",
@@ -65,13 +70,24 @@ pub(crate) const COMMANDS: [CommandText; 18] = [
         "Switches all actuators to a word, the digit of actuator 0 first: `word 010,110`. Commas and spaces are optional. A table \
          must be loaded: it names the outputs of the actuators.",
     ),
-    local("quit", "", "Leaves the console; Ctrl-D does the same. What the board runs continues."),
-    local(
+    console(
+        "quit",
+        "",
+        "leave; a program on the board continues",
+        "Leaves the console; Ctrl-D does the same. What the board runs continues.",
+    ),
+    console(
         "upload",
         "FILE.darm",
+        "store a table of `darm table` on the board",
         "Uploads a table that `darm table` made; the board takes it completely or keeps the old one.",
     ),
 ];
+
+/// Those that the console runs, with their lines in the list.
+pub(crate) fn local() -> impl Iterator<Item = (&'static CommandText, &'static str)> {
+    COMMANDS.iter().filter_map(|command| Some((command, command.summary?)))
+}
 
 /// A command by its first word, in capitals or not, as the board reads it.
 pub(crate) fn find(name: &str) -> Option<&'static CommandText> {
@@ -107,7 +123,11 @@ mod tests {
         let list = firmware.split("const HELP").nth(1).unwrap().split("];").next().unwrap();
         let lines = list.lines().filter_map(|line| line.trim().strip_prefix('"'));
         let names: Vec<_> = lines.filter(|line| !line.starts_with(' ')).filter_map(|it| it.split(' ').next()).collect();
-        assert_eq!(names.len(), COMMANDS.iter().filter(|command| !command.is_local).count() + 1, "help is in both");
+        assert_eq!(
+            names.len(),
+            COMMANDS.iter().filter(|command| command.summary.is_none()).count() + 1,
+            "help is in both"
+        );
         assert!(names.iter().all(|name| find(name).is_some()), "{names:?}");
     }
 

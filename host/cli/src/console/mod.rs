@@ -32,6 +32,8 @@ use pump::{Port, Pump, Show};
 const REOPEN_TIMEOUT: Duration = Duration::from_secs(10);
 /// First characters of the board's answer to a refused line.
 const REFUSED: &str = "? ";
+/// Width of the text of `help COMMAND`, with its margin as wide as a narrow terminal.
+const HELP_WIDTH: usize = 76;
 /// Number of lines of history.
 const HISTORY: usize = 1000;
 
@@ -84,7 +86,7 @@ fn interactive(port: &str, ui: Ui) -> anyhow::Result<()> {
     loop {
         session.pump.look();
         match editor.readline(&board.get().map_or("> ".to_owned(), |board| board.prompt())) {
-            Ok(line) if session.execute_line(line.trim())? == Next::On => {}
+            Ok(lines) if session.execute(&lines)? == Next::On => {}
             Ok(_) | Err(ReadlineError::Eof) => break,
             Err(ReadlineError::Interrupted) => println!("{}; `quit` or Ctrl-D leaves", session.stop()),
             Err(error) => return Err(error.into()),
@@ -161,6 +163,16 @@ impl<'a> Session<'a> {
         }
     }
 
+    /// Executes lines in turn: a paste has several.
+    fn execute(&mut self, lines: &str) -> anyhow::Result<Next> {
+        for line in lines.split('\n') {
+            if self.execute_line(line.trim())? == Next::Leave {
+                return Ok(Next::Leave);
+            }
+        }
+        Ok(Next::On)
+    }
+
     fn execute_line(&mut self, line: &str) -> anyhow::Result<Next> {
         match completion::local(line) {
             Some(LocalCommand::Quit) => return Ok(Next::Leave),
@@ -191,9 +203,9 @@ impl<'a> Session<'a> {
             return self.fail(NoAnswer.into());
         }
         if line == "help" {
-            for command in commands::COMMANDS.iter().filter(|command| command.is_local) {
+            for (command, summary) in commands::local() {
                 let usage = format!("{} {}", command.name, command.arguments);
-                print_line(&format!("{usage:<16} {} (this console)", command.help), self.ui);
+                print_line(&format!("{usage:<16} {summary} (this console)"), self.ui);
             }
         }
         if self.asks && self.refused.load(Ordering::Relaxed) > before {
@@ -226,9 +238,10 @@ impl<'a> Session<'a> {
         };
         let usage = format!("{} {}", found.name, found.arguments);
         print_line(usage.trim_end(), self.ui);
-        print_line(&format!("  {}", found.help), self.ui);
-        if let Some(allowed) = self.board.get().and_then(|board| board.allowed(&[found.name])) {
-            print_line(&format!("  Now: {allowed}."), self.ui);
+        let allowed = self.board.get().and_then(|board| board.allowed(&[found.name]));
+        let now = allowed.map(|allowed| format!("Now: {allowed}."));
+        for paragraph in [found.help].into_iter().chain(now.as_deref()) {
+            wrapped(paragraph, HELP_WIDTH).iter().for_each(|line| print_line(&format!("  {line}"), self.ui));
         }
     }
 
@@ -284,6 +297,22 @@ impl<'a> Session<'a> {
         bar.finish_and_clear();
         Ok(format!("{rows} rows stored; run them with `play`"))
     }
+}
+
+/// A text in lines of at most `width` characters, where its words are not longer.
+fn wrapped(text: &str, width: usize) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    for word in text.split(' ') {
+        match lines.last_mut() {
+            Some(line) if line.is_empty() => line.push_str(word),
+            Some(line) if line.chars().count() + 1 + word.chars().count() <= width => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines
 }
 
 /// Connects to the board at an open port. One that does not answer frames, such as a board whose firmware crashed again and

@@ -9,7 +9,8 @@ use super::{Board, Home, example, text};
 fn the_console_runs_the_commands_of_the_board() {
     let home = Home::new();
     let board = Board::start(&home, &example("planar4.toml"));
-    let said = home.types(&format!("console {}", board.port), "id\nhelp\ndance\nquit\n");
+    let said = home.types(&format!("console {}", board.port), "id\nhelp\nhelp word\ndance\nquit\n");
+    assert!(said.lines().all(|line| line.chars().count() <= 80), "{said}");
     assert!(said.starts_with("board "), "{said}");
     assert!(said.contains("? dance: no such command; type help"), "{said}");
     for word in [
