@@ -19,6 +19,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeSet;
 
+use super::conditions::Trend;
 use super::measure::{Measured, Station, Stop, measure};
 use super::rig::Rig;
 use super::task::{Design, Task};
@@ -140,7 +141,7 @@ pub(crate) fn run(
         steps.iter().map(|step| Stop { visit: visit(step.word, &step.servos_rad, "plan"), held_out: step.held_out }),
     );
     let measured = measure(&mut station, arm, &truth, &stops)?;
-    let plan = figures(&steps, &measured);
+    let (plan, start_s) = (figures(&steps, &measured), measured.start_s);
     let (at_frames, run) = split(measured.run, n_frame_stops as u32);
     let before = errors(arm, wanted, &at_frames);
     keep("run.csv", Keep::Run(&run))?;
@@ -154,7 +155,9 @@ pub(crate) fn run(
             let corrected = correction.corrected(arm, &run, correction::Keep::Effects);
             let corrected = corrected.context("a named effect corrects the model")?;
             keep("arm-corrected.toml", Keep::Arm(&corrected))?;
-            let closed = close(task, &corrected, wanted, &truth, &mut station)?;
+            let next_s = at_frames.samples.last().map_or(0.0, |sample| sample.time_s);
+            let trend = Trend { arm: &corrected, run: &run, start_s, next_s };
+            let closed = close(task, &trend, wanted, &truth, &mut station)?;
             if let Some(by_stops) = &closed.by_stops {
                 keep("arm-stops.toml", Keep::Arm(&by_stops.arm))?;
             }
@@ -187,19 +190,21 @@ pub(crate) enum Keep<'a> {
     Arm(&'a Arm),
 }
 
-/// Closes the loop with model n+1: by other stops, unless the frames are positions, and by better words for the metal as it is.
+/// Closes the loop with model n+1: by other stops, unless the frames are positions, and by better words for the metal as it is,
+/// at the conditions in which they will be played.
 fn close(
     task: &Task,
-    corrected: &Arm,
+    trend: &Trend,
     wanted: &[DesiredFrame],
     truth: &Truth,
     station: &mut Station<'_>,
 ) -> Result<Closed> {
     let by_stops = match task.is_for_positions() {
         true => None,
-        false => Some(close_by_stops(task, corrected, wanted, truth, station)?),
+        false => Some(close_by_stops(task, trend.arm, wanted, truth, station)?),
     };
     station.progress.say("closing by the table: better words for the metal as it is");
+    let corrected = &trend.continued(station.rig.client.now_s());
     let words: Vec<DesiredFrame> = better_words(corrected, wanted)?.into_iter().map(|(frame, _)| frame).collect();
     let measured = measure(station, corrected, truth, &frame_visits(&words))?;
     let table_only = errors(corrected, &words, &measured.run);

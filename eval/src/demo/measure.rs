@@ -30,6 +30,8 @@ pub(crate) struct Measured {
     pub(crate) run: Run,
     /// Rows of the table that was played.
     pub(crate) table_rows: usize,
+    /// When it started, on the host's clock.
+    pub(crate) start_s: f64,
     /// How long it was played.
     pub(crate) time_s: f64,
 }
@@ -61,6 +63,7 @@ pub(crate) fn measure(station: &mut Station<'_>, arm: &Arm, truth: &Truth, stops
         let board_s = (started + at).0 as f64 * 1e-6;
         clock.host_time(board_s).context("the board's clock is not known")
     };
+    let start_s = host_s(Micros(0))?.at_s;
     let mut run = Run::default();
     for (number, (stop, window)) in stops.iter().zip(&plan.windows).enumerate() {
         let (from, to) = (host_s(window.0)?, host_s(window.1)?);
@@ -78,7 +81,7 @@ pub(crate) fn measure(station: &mut Station<'_>, arm: &Arm, truth: &Truth, stops
         let seen = truth.observe(&state, rng)?;
         let before = visits[..number].iter().rev().find(|before| before.word != stop.visit.word);
         run.samples.push(Sample {
-            time_s: frame.at_s - host_s(Micros(0))?.at_s,
+            time_s: frame.at_s - start_s,
             word: stop.visit.word,
             previous: before.map(|visit| visit.word).or(Some(arm.rest())),
             servos_rad,
@@ -97,7 +100,7 @@ pub(crate) fn measure(station: &mut Station<'_>, arm: &Arm, truth: &Truth, stops
         progress.say(format!("the camera came too late in {missed} of {} visits", stops.len()));
     }
     let time_s = plan.end.0 as f64 * 1e-6;
-    Ok(Measured { run, table_rows: plan.rows.len(), time_s })
+    Ok(Measured { run, table_rows: plan.rows.len(), start_s, time_s })
 }
 
 /// Plays the loaded table to its end; when its first row went out, on the board's clock.

@@ -1,5 +1,6 @@
 //! The demo: the main job end to end, on the image that is flashed, with a report.
 
+mod conditions;
 mod course;
 mod measure;
 mod rig;
