@@ -12,8 +12,8 @@ use darm::report::{SourceFile, diagnosis_page};
 use darm_diagnose::correction::Keep;
 use darm_diagnose::measurement::Finding;
 use darm_diagnose::outcome::{Diagnosis, Effect, ErrorFigure, Number};
+use darm_diagnose::report::numbers::readable;
 use darm_diagnose::report::numbers::with_interval;
-use darm_diagnose::report::sentences::readable;
 use serde::Serialize;
 
 use crate::exchanged;

@@ -30,7 +30,7 @@ pub(crate) fn far_rows(selected: &SelectedPoses) -> Vec<(usize, f64)> {
     far.map(|(row, square)| (row, square.sqrt())).collect()
 }
 
-/// Whether so many rows of all are more than blunders.
+/// Whether this number of rows, out of all, is more than blunders.
 pub(crate) fn are_too_many(far: usize, rows: usize) -> bool {
     far as f64 > MAX_SHARE * rows as f64
 }

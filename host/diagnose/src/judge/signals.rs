@@ -21,7 +21,7 @@ const MAX_PARTLY_LEFT: f64 = 0.5;
 /// An error as many times the scatter of neighbouring rows is no noise, though these may not have all of it.
 const FAR: f64 = 10.0;
 
-/// An error as many times that scatter, which goes on from row to row, is none either.
+/// An error this many times that scatter, which continues from row to row, is none either.
 const FAR_WITH_MEMORY: f64 = 3.0;
 
 /// A candidate that would do as well in the place of an effect.
@@ -116,7 +116,7 @@ struct Rest {
     /// Whether it is far larger than the scatter of rows under the same conditions.
     is_far_from_repeats: bool,
     /// Whether the error, without rows that are far off, is several times the scatter of neighbouring rows: something is left where it
-    /// goes on from row to row as well.
+    /// continues from row to row as well.
     is_beyond_neighbours: bool,
     /// Degrees of freedom of the scatter; none where the error, without rows that are far off, is far larger than that of
     /// neighbouring rows: they do not have all of the noise, and show neither that something is left nor that nothing is.

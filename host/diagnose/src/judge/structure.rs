@@ -69,7 +69,7 @@ fn winsorized(residuals: &[f64], n_axes: usize) -> Vec<f64> {
     residuals.iter().enumerate().map(|(k, r)| r * weights[k / n_axes]).collect()
 }
 
-/// The largest root mean square of a component in units of what the dependences leave of it: what stands on one component
+/// The largest root mean square of a component in units of what the dependences leave of it: what is on one component
 /// is little beside the noise of all.
 fn over_rest(residuals: &[f64], left: &[f64], n_axes: usize) -> f64 {
     let rows: Vec<usize> = (0..residuals.len() / n_axes).collect();

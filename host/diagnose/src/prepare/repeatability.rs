@@ -68,7 +68,7 @@ pub fn repeated(arm: &Arm, run: &Run) -> Option<Noise> {
 }
 
 /// The variance of each component by the median of the differences of two twists of a group: these have twice the variance,
-/// however large the group is, and no middle that is one of its own twists.
+/// however large the group is, and no middle that is one of the twists.
 fn rough_variance(groups: &[Vec<[f64; 6]>]) -> [f64; 6] {
     let of_axis = |axis: usize| {
         let sizes = groups.iter().flat_map(|group| pairs(group)).map(|(a, b)| (a[axis] - b[axis]).abs());

@@ -1,6 +1,5 @@
 //! Numbers as people read them: with their units, and with as many digits as their uncertainty gives them.
 
-use super::sentences::readable;
 use crate::outcome::{Number, Value};
 
 /// Decimals beyond which a number is written with an exponent.
@@ -28,6 +27,15 @@ pub fn shown(of: &Value, value: f64) -> String {
         "1/K" => format!("{:.2} µm/(m·K)", value * 1e6),
         "1" => format!("{value:.4}"),
         unit => format!("{} {unit}", short(value)),
+    }
+}
+
+/// A number as people read it: lengths in mm, angles in degrees.
+pub fn readable(number: &Number) -> (f64, &'static str) {
+    match number.unit {
+        "m" => (1e3 * number.value, "mm"),
+        "rad" => (number.value.to_degrees(), "°"),
+        unit => (number.value, unit),
     }
 }
 

@@ -12,11 +12,12 @@ use crate::judge::far_rows::are_too_many;
 use crate::judge::fitted_terms::WithTerms;
 use crate::linearise::arm_candidates::{place_name, term_name};
 use crate::outcome::{
-    self, Alternative, BeforeAfter, Diagnosis, ErrorFigure, Measured, NextMeasurement, Number, OtherReading, Regressor,
-    Value, Verdict,
+    self, Alternative, BeforeAfter, Diagnosis, ErrorFigure, Measured, NextMeasurement, OtherReading, Regressor, Value,
+    Verdict,
 };
 use crate::prepare::repeatability::MIN_DOF;
 use crate::rejection::Rejection;
+use crate::report::numbers::readable;
 use darm_arm::arm::Arm;
 
 /// An error that an effect changes falls below this share of itself.
@@ -206,16 +207,14 @@ fn next_sentence(next: &NextMeasurement) -> String {
 }
 
 fn outlier_sentence(diagnosis: &Diagnosis) -> Option<String> {
-    let lines = diagnosis.outliers.iter().take(MAX_LINES).map(|outlier| outlier.line.to_string());
-    let lines: Vec<String> = lines.collect();
-    let more = if diagnosis.outliers.len() > MAX_LINES { ", …" } else { "" };
     let n = diagnosis.outliers.len();
-    let is_wrong_in_part = diagnosis.kind == Measured::ToolPose && are_too_many(n, diagnosis.rows.train);
-    let why = match is_wrong_in_part {
-        true => " So many are no blunders: an effect acts now and then, or the log is wrong in these rows.",
+    let lines: Vec<String> = diagnosis.outliers.iter().take(MAX_LINES).map(|row| row.line.to_string()).collect();
+    let more = if n > MAX_LINES { ", …" } else { "" };
+    let why = match diagnosis.kind == Measured::ToolPose && are_too_many(n, diagnosis.rows.train) {
+        true => " They are no blunders: an effect acts now and then, or the log is wrong in these rows.",
         false => "",
     };
-    (!lines.is_empty()).then(|| format!("{n} outliers, with little weight: lines {}{more}.{why}", lines.join(", ")))
+    (n > 0).then(|| format!("{n} outliers, with little weight: lines {}{more}.{why}", lines.join(", ")))
 }
 
 /// What fitted terms would gain.
@@ -247,15 +246,6 @@ fn effect_of_signals(effect: &outcome::Effect) -> String {
         _ => String::new(),
     };
     format!("{} at {}: {}{gain}.", effect.law, effect.site, values.join(", "))
-}
-
-/// A number as people read it: lengths in mm, angles in degrees.
-pub fn readable(number: &Number) -> (f64, &'static str) {
-    match number.unit {
-        "m" => (1e3 * number.value, "mm"),
-        "rad" => (number.value.to_degrees(), "°"),
-        unit => (number.value, unit),
-    }
 }
 
 /// Four digits.
