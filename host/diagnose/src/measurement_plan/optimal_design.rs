@@ -5,36 +5,64 @@
 //! largest gain log det(I + J·M⁻¹·Jᵀ) first; a gain only falls while others are chosen, so most of them need not be
 //! computed again.
 //!
-//! Source: Fedorov, Theory of Optimal Experiments, Academic Press, 1972.
+//! Of one measurement, I + J·M⁻¹·Jᵀ is its block of I + J·P·Jᵀ of all measurements, with P = M⁻¹ before any is chosen, without
+//! what those that were chosen leave of it: the Schur complement, computed row by row as in a Cholesky factorisation.
+//!
+//! Sources: Fedorov, Theory of Optimal Experiments, Academic Press, 1972; G. H. Golub, C. F. Van Loan, Matrix
+//! Computations, 4th ed., 2013, §4.2.9.
 
-use nalgebra::DMatrix;
+use nalgebra::{Cholesky, DMatrix, Dyn};
 
 /// The numbers of `n` measurements, the most informative first; `covariance` is the inverse of the information that
 /// there is before.
-pub fn informative_first(mut covariance: DMatrix<f64>, measurements: &[DMatrix<f64>], n: usize) -> Vec<usize> {
-    let mut chosen = Vec::new();
-    let mut gains: Vec<(f64, usize)> =
-        first_gains(&covariance, measurements).into_iter().map(|gain| (gain, 1)).collect();
-    let mut open: Vec<usize> = (0..measurements.len()).collect();
+pub fn informative_first(covariance: DMatrix<f64>, measurements: &[DMatrix<f64>], n: usize) -> Vec<usize> {
+    let mut all = of_all(&covariance, measurements);
+    let mut open: Vec<usize> = (0..all.len()).collect();
+    let mut chosen: Vec<Chosen> = Vec::new();
+    let mut n_rows = 0;
     while chosen.len() < n && !open.is_empty() {
-        let round = chosen.len() + 1;
         let best = loop {
-            let position = (0..open.len()).max_by(|&a, &b| gains[open[a]].0.total_cmp(&gains[open[b]].0)).unwrap_or(0);
-            let best = open[position];
-            if gains[best].1 == round {
-                open.swap_remove(position);
-                break best;
+            let position =
+                (0..open.len()).max_by(|&a, &b| all[open[a]].gain.total_cmp(&all[open[b]].gain)).unwrap_or(0);
+            let measurement = &mut all[open[position]];
+            if measurement.n_known == chosen.len() {
+                break open.swap_remove(position);
             }
-            gains[best] = (gain(&covariance, &measurements[best]), round);
+            measurement.learn(&chosen, n_rows);
         };
-        update(&mut covariance, &measurements[best]);
-        chosen.push(best);
+        let next = Chosen::new(&all[best], best, n_rows);
+        n_rows += next.rows();
+        chosen.push(next);
     }
-    chosen
+    chosen.into_iter().map(|one| one.number).collect()
 }
 
-/// The gain of each measurement before any is chosen, all in one product.
-fn first_gains(covariance: &DMatrix<f64>, measurements: &[DMatrix<f64>]) -> Vec<f64> {
+/// A measurement beside those that were chosen.
+struct Measurement<'a> {
+    /// J, rows × values.
+    slopes: &'a DMatrix<f64>,
+    /// P·Jᵀ.
+    spread: DMatrix<f64>,
+    /// Its columns of the factorisation: rows that were chosen × its own rows.
+    factor: DMatrix<f64>,
+    /// I + J·P·Jᵀ, less what the chosen ones that it knows leave of it.
+    left: DMatrix<f64>,
+    /// How many of them it knows.
+    n_known: usize,
+    /// log det of what is left.
+    gain: f64,
+}
+
+/// A measurement that was chosen.
+struct Chosen {
+    number: usize,
+    slopes: DMatrix<f64>,
+    factor: DMatrix<f64>,
+    root: Cholesky<f64, Dyn>,
+}
+
+/// All measurements, before any is chosen; what they spread in one product.
+fn of_all<'a>(covariance: &DMatrix<f64>, measurements: &'a [DMatrix<f64>]) -> Vec<Measurement<'a>> {
     let n_rows = measurements.iter().map(DMatrix::nrows).sum();
     let mut all = DMatrix::zeros(covariance.nrows(), n_rows);
     let mut first = 0;
@@ -42,51 +70,77 @@ fn first_gains(covariance: &DMatrix<f64>, measurements: &[DMatrix<f64>]) -> Vec<
         all.columns_mut(first, measurement.nrows()).copy_from(&measurement.transpose());
         first += measurement.nrows();
     }
-    let across = covariance * all;
+    let spread = covariance * all;
     let mut first = 0;
-    let gain = |measurement: &DMatrix<f64>| {
-        let n = measurement.nrows();
+    let measurement = |slopes: &'a DMatrix<f64>| {
+        let n = slopes.nrows();
         first += n;
-        log_det(measurement * across.columns(first - n, n))
+        let spread = spread.columns(first - n, n).into_owned();
+        let left = DMatrix::identity(n, n) + slopes * &spread;
+        let gain = left.determinant().ln();
+        Measurement { slopes, spread, factor: DMatrix::zeros(0, n), left, n_known: 0, gain }
     };
-    measurements.iter().map(gain).collect()
+    measurements.iter().map(measurement).collect()
 }
 
-/// log det(I + J·P·Jᵀ).
-fn gain(covariance: &DMatrix<f64>, jacobian: &DMatrix<f64>) -> f64 {
-    log_det(jacobian * across(covariance, jacobian))
-}
-
-/// P·Jᵀ, column by column: products of few columns are slow otherwise.
-fn across(covariance: &DMatrix<f64>, jacobian: &DMatrix<f64>) -> DMatrix<f64> {
-    let mut across = DMatrix::zeros(covariance.nrows(), jacobian.nrows());
-    for (row, mut column) in across.column_iter_mut().enumerate() {
-        column.gemv(1.0, covariance, &jacobian.row(row).transpose(), 0.0);
-    }
-    across
-}
-
-/// log det(I + M).
-fn log_det(square: DMatrix<f64>) -> f64 {
-    let n = square.nrows();
-    (DMatrix::identity(n, n) + square).determinant().ln()
-}
-
-/// P becomes (P⁻¹ + JᵀJ)⁻¹.
-fn update(covariance: &mut DMatrix<f64>, jacobian: &DMatrix<f64>) {
-    let n = jacobian.nrows();
-    let across = across(covariance, jacobian);
-    if let Some(inner) = (DMatrix::identity(n, n) + jacobian * &across).try_inverse() {
-        let scaled = &across * inner;
-        for (left, right) in across.column_iter().zip(scaled.column_iter()) {
-            covariance.ger(-1.0, &left, &right, 1.0);
+impl Measurement<'_> {
+    /// Takes in those chosen ones, of `n_rows` together, that it does not know yet.
+    fn learn(&mut self, chosen: &[Chosen], n_rows: usize) {
+        let mut factor = std::mem::replace(&mut self.factor, DMatrix::zeros(0, 0)).resize_vertically(n_rows, 0.0);
+        for one in &chosen[self.n_known..] {
+            let before = one.factor.nrows();
+            let mut cross = &one.slopes * &self.spread - one.factor.tr_mul(&factor.rows(0, before));
+            one.root.l_dirty().solve_lower_triangular_mut(&mut cross);
+            self.left -= cross.tr_mul(&cross);
+            factor.rows_mut(before, one.rows()).copy_from(&cross);
         }
+        (self.factor, self.n_known, self.gain) = (factor, chosen.len(), self.left.determinant().ln());
+    }
+}
+
+impl Chosen {
+    /// A measurement that knows all that were chosen before, of `n_rows` together.
+    fn new(measurement: &Measurement, number: usize, n_rows: usize) -> Self {
+        let n = measurement.left.nrows();
+        // What is left is at least the identity.
+        let root =
+            Cholesky::new(measurement.left.clone()).unwrap_or_else(|| Cholesky::pack_dirty(DMatrix::identity(n, n)));
+        let factor = measurement.factor.clone().resize_vertically(n_rows, 0.0);
+        Self { number, slopes: measurement.slopes.clone(), factor, root }
+    }
+
+    fn rows(&self) -> usize {
+        self.slopes.nrows()
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use rand::{RngExt as _, SeedableRng as _};
+    use rand_chacha::ChaCha8Rng;
+
     use super::*;
+
+    /// Each choice by det M itself, of all measurements that are open.
+    #[test]
+    fn each_choice_makes_the_information_largest() {
+        let mut random = ChaCha8Rng::seed_from_u64(1);
+        let mut matrix = |rows: usize| DMatrix::from_fn(rows, 6, |_, _| random.random_range(-2.0..2.0));
+        let measurements: Vec<DMatrix<f64>> = (0..40).map(|k| matrix(1 + k % 3)).collect();
+        let mut information = matrix(8);
+        information = information.tr_mul(&information);
+        let with = |information: &DMatrix<f64>, k: usize| information + measurements[k].tr_mul(&measurements[k]);
+        let covariance = information.clone().try_inverse().expect("eight rows determine six values");
+        let order = informative_first(covariance, &measurements, 30);
+        let mut open: Vec<usize> = (0..measurements.len()).collect();
+        for chosen in order {
+            let largest = open.iter().map(|&k| with(&information, k).determinant()).fold(0.0, f64::max);
+            information = with(&information, chosen);
+            assert!(information.determinant() >= largest * (1.0 - 1e-9));
+            assert!(open.contains(&chosen), "each is chosen once");
+            open.retain(|&k| k != chosen);
+        }
+    }
 
     #[test]
     fn what_is_known_already_is_chosen_last() {
