@@ -59,10 +59,10 @@ impl Comparison<'_> {
     pub(super) fn better(&self, hypotheses: Vec<Hypothesis>, columns: &Columns) -> Option<Better> {
         let n_tried = hypotheses.len() as f64;
         let is_chance = |as_read: &Left, left: &Left| as_read.chance_of_fall_to(left) * n_tried >= DISCOVERY_LEVEL;
-        let mut tried = self.tried(hypotheses, |_| Laws::None);
+        let mut tried = self.tried(hypotheses, |_| (Laws::None, f64::INFINITY));
         let mut as_read = AsItIs { comparison: self, left: BTreeMap::new() };
         let without_laws = tried.iter().position(|Tried { left, hypothesis }| {
-            as_read.left(hypothesis, Laws::None).is_some_and(|as_read| {
+            as_read.left(hypothesis.columns.rows_later(), Laws::None).is_some_and(|as_read| {
                 let is_near = left.share < AGREES || left.share < FOLLOWS && OTHER_UNIT * left.norm < as_read.norm;
                 is_near && left.norm < MUCH_LESS_AS_IT_IS * as_read.norm && !is_chance(as_read, left)
             })
@@ -73,14 +73,24 @@ impl Comparison<'_> {
         // Friction that the model does not have hides what a short delay changes.
         let is_compared = |(rank, tried): &(usize, Tried)| *rank < COMPARED || tried.hypothesis.is_short_delay();
         let compared = tried.into_iter().enumerate().filter(is_compared);
-        let hypotheses = compared.map(|(_, tried)| tried.hypothesis).collect();
+        let hypotheses: Vec<Hypothesis> = compared.map(|(_, tried)| tried.hypothesis).collect();
+        // The few rows that a delay takes off either end change this by far less than the factor that is asked for.
+        let limits: BTreeMap<Laws, f64> = hypotheses
+            .iter()
+            .map(|hypothesis| Laws::compared_with(&hypothesis.misreading))
+            .map(|laws| (laws, as_read.left(0, laws).map_or(f64::INFINITY, |left| left.log)))
+            .collect();
+        let with_laws = |misreading: &Misreading| {
+            let laws = Laws::compared_with(misreading);
+            (laws, limits[&laws])
+        };
         let far_better = |Tried { left, hypothesis }: &Tried| {
             left.share < AGREES
                 && as_read
-                    .left(hypothesis, Laws::compared_with(&hypothesis.misreading))
+                    .left(hypothesis.columns.rows_later(), Laws::compared_with(&hypothesis.misreading))
                     .is_some_and(|as_read| left.log < as_read.log - MUCH_LESS.ln() && !is_chance(as_read, left))
         };
-        let best = self.tried(hypotheses, Laws::compared_with).into_iter().find(far_better)?;
+        let best = self.tried(hypotheses, with_laws).into_iter().find(far_better)?;
         let laws = Laws::compared_with(&best.hypothesis.misreading);
         self.refined(best, columns, laws)
     }
@@ -89,18 +99,19 @@ impl Comparison<'_> {
     fn refined(&self, best: Tried, columns: &Columns, laws: Laws) -> Option<Better> {
         let tried = match best.hypothesis.misreading {
             Misreading::Delay { delay_s } => {
-                self.tried(around(self.data, &columns.measured.concat(), delay_s), |_| laws).into_iter().next()?
+                let around = around(self.data, &columns.measured.concat(), delay_s);
+                self.tried(around, |_| (laws, f64::INFINITY)).into_iter().next()?
             }
             _ => best,
         };
         Some(Better { tried, laws })
     }
 
-    /// Hypotheses with what they leave, the best one first.
-    fn tried(&self, hypotheses: Vec<Hypothesis>, laws: impl Fn(&Misreading) -> Laws + Sync) -> Vec<Tried> {
+    /// Hypotheses with what they leave, the best one first, each with the laws and the limit of [`Self::left`].
+    fn tried(&self, hypotheses: Vec<Hypothesis>, with: impl Fn(&Misreading) -> (Laws, f64) + Sync) -> Vec<Tried> {
         let tried = hypotheses.into_par_iter().filter_map(|hypothesis| {
             let Hypothesis { misreading, columns, model } = &hypothesis;
-            let left = self.left(columns, columns.rows_later(), model.as_ref(), laws(misreading))?;
+            let left = self.left(columns, columns.rows_later(), model.as_ref(), with(misreading))?;
             Some(Tried { left, hypothesis })
         });
         let mut tried: Vec<Tried> = tried.collect();
@@ -109,8 +120,15 @@ impl Comparison<'_> {
     }
 
     /// What a reading leaves with these laws, in rows from which the one `rows_later` is in the same stretch; `None` where
-    /// it gives no experiment.
-    fn left(&self, reading: &ColumnReading, rows_later: isize, model: Option<&Model>, laws: Laws) -> Option<Left> {
+    /// it gives no experiment. Where laws of any size leave more than a limit, a sum of logarithms, those of possible ones are
+    /// not asked.
+    fn left(
+        &self,
+        reading: &ColumnReading,
+        rows_later: isize,
+        model: Option<&Model>,
+        (laws, limit): (Laws, f64),
+    ) -> Option<Left> {
         let data = self.data.read_as(reading.clone(), rows_later, ROWS);
         let experiment = linearise(model.unwrap_or(self.model), &data).ok()?;
         let measured = variation(&experiment, &Training::of(&experiment)?.measured);
@@ -120,12 +138,16 @@ impl Comparison<'_> {
         if groups.n_blocks < MIN_PIECES {
             return None;
         }
+        let of = |residuals: &[f64]| {
+            Left::of(&AxisLeft::of_norm(n_norm, n_axes, residuals, &measured), residuals, n_axes, &blocks)
+        };
+        let is_lost = |residuals: &[f64]| of(residuals).is_none_or(|left| left.log > limit);
         let residuals = match laws {
             Laws::None => experiment.of_rows(&experiment.residuals, false),
-            Laws::All => predicted_in_turn(experiment, groups, None),
-            Laws::AllBut(law) => predicted_in_turn(experiment, groups, Some(law)),
+            Laws::All => predicted_in_turn(experiment, groups, None, is_lost),
+            Laws::AllBut(law) => predicted_in_turn(experiment, groups, Some(law), is_lost),
         };
-        Left::of(&AxisLeft::of_norm(n_norm, n_axes, &residuals, &measured), &residuals, n_axes, &blocks)
+        of(&residuals)
     }
 }
 
@@ -136,10 +158,9 @@ struct AsItIs<'a> {
 }
 
 impl AsItIs<'_> {
-    /// In the rows that a hypothesis was judged by.
-    fn left(&mut self, hypothesis: &Hypothesis, laws: Laws) -> Option<&Left> {
-        let rows_later = hypothesis.columns.rows_later();
-        let compute = || self.comparison.left(&ColumnReading::default(), rows_later, None, laws);
+    /// In rows from which the one `rows_later` is in the same stretch.
+    fn left(&mut self, rows_later: isize, laws: Laws) -> Option<&Left> {
+        let compute = || self.comparison.left(&ColumnReading::default(), rows_later, None, (laws, f64::INFINITY));
         self.left.entry((rows_later, laws)).or_insert_with(compute).as_ref()
     }
 }
@@ -188,8 +209,13 @@ impl Laws {
 }
 
 /// Residuals of the training rows, each of a fit with every law at every place that has not seen it; a law that fits best
-/// with an impossible size, a friction below zero, is left out.
-fn predicted_in_turn(experiment: Experiment, groups: Groups, without: Option<Law>) -> Vec<f64> {
+/// with an impossible size, a friction below zero, is left out, unless the reading is lost with it.
+fn predicted_in_turn(
+    experiment: Experiment,
+    groups: Groups,
+    without: Option<Law>,
+    is_lost: impl Fn(&[f64]) -> bool,
+) -> Vec<f64> {
     let problem = Signals::new(experiment, groups);
     let candidates = &problem.experiment.candidates;
     let mut laws = every_law(&problem, &[]);
@@ -201,7 +227,7 @@ fn predicted_in_turn(experiment: Experiment, groups: Groups, without: Option<Law
             values.into_iter().all(|(index, value)| best.fit.values[index] >= value.min)
         };
         let possible: Vec<usize> = best.fit.active.iter().copied().filter(can_be).collect();
-        if possible.len() == best.fit.active.len() {
+        if possible.len() == best.fit.active.len() || is_lost(&best.predicted) {
             break;
         }
         best = problem.fitted(possible);

@@ -60,29 +60,27 @@ impl Columns {
         self.rows.len()
     }
 
-    /// Σ w·x·xᵀ over the rows of a fold, with the column `last` after those of all values; weights and `last` have a
+    /// The lower triangle of Σ w·x·xᵀ over the rows of a fold, with the column `last` after those of all values; weights and `last` have a
     /// number for each row that a fit sees and axis.
     pub(super) fn sums(&self, fold: usize, weights: &[f64], last: &[f64]) -> DMatrix<f64> {
         let (p, n_axes) = (self.n_values, self.values.len());
         let mut sums = DMatrix::zeros(p + 1, p + 1);
         for (axis, (values, columns)) in self.values.iter().zip(&self.blocks[fold]).enumerate() {
-            let n = values.len();
-            let mut turned = DMatrix::zeros(n + 1, columns.nrows());
-            for (at, &row) in self.rows[fold].iter().enumerate() {
-                let entry = row * n_axes + axis;
-                let root = weights[entry].sqrt();
-                let mut numbers = turned.column_mut(at);
-                for k in 0..n {
-                    numbers[k] = root * columns[(at, k)];
-                }
-                numbers[n] = root * last[entry];
+            let (n, rows) = (values.len(), &self.rows[fold]);
+            let of = |numbers: &[f64]| {
+                DVector::from_iterator(rows.len(), rows.iter().map(|row| numbers[row * n_axes + axis]))
+            };
+            let roots = of(weights).map(f64::sqrt);
+            let mut weighted = DMatrix::zeros(rows.len(), n + 1);
+            for (mut to, from) in weighted.column_iter_mut().zip(columns.column_iter()) {
+                to.cmpy(1.0, &from, &roots, 0.0);
             }
-            let products = &turned * turned.transpose();
+            weighted.column_mut(n).cmpy(1.0, &of(last), &roots, 0.0);
+            let products = weighted.transpose() * &weighted;
             let place = |k: usize| values.get(k).copied().unwrap_or(p);
             for b in 0..=n {
-                for a in 0..=n {
-                    sums[(place(a), place(b))] += products[(a, b)];
-                }
+                let mut column = sums.column_mut(place(b));
+                (b..=n).for_each(|a| column[place(a)] += products[(a, b)]);
             }
         }
         sums

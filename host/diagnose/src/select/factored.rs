@@ -55,7 +55,9 @@ struct Extension<'a> {
 impl Part {
     fn new(system: &System, indices: &[usize]) -> Self {
         let n = indices.len();
-        let matrix = DMatrix::from_fn(n, n, |a, b| system.entry(indices[a], indices[b]));
+        // The lower triangle is all that a factorisation reads.
+        let entry = |a: usize, b: usize| if a < b { 0.0 } else { system.entry(indices[a], indices[b]) };
+        let matrix = DMatrix::from_fn(n, n, entry);
         let gradient = DVector::from_fn(n, |a, _| system.gradient[indices[a]]);
         // A value that is not a number does not count.
         let (root, gradient) = match Cholesky::new(matrix) {

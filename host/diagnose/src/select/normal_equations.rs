@@ -12,7 +12,7 @@ const RIDGE: f64 = 1e-9;
 /// Most models have few of the values, so that the entries of A are computed where they are needed.
 #[derive(Clone, Debug)]
 pub(super) struct System {
-    /// Sums over all rows, and over those that are left out.
+    /// Sums over all rows, and over those that are left out: their lower triangles.
     all: Arc<DMatrix<f64>>,
     left_out: Option<Arc<DMatrix<f64>>>,
     autocorrelation_time: f64,
@@ -42,11 +42,12 @@ impl System {
         };
         let scale = |own: f64| if own > 0.0 { own.sqrt().recip() } else { 0.0 };
         system.scale = DVector::from_fn(n, |k, _| scale(system.sum(k, k)));
-        system.gradient = DVector::from_fn(n, |k, _| system.sum(k, n) * system.scale[k]);
+        system.gradient = DVector::from_fn(n, |k, _| system.sum(n, k) * system.scale[k]);
         system
     }
 
     fn sum(&self, a: usize, b: usize) -> f64 {
+        let (a, b) = (a.max(b), a.min(b));
         let sum = self.all[(a, b)] - self.left_out.as_ref().map_or(0.0, |left_out| left_out[(a, b)]);
         sum / self.autocorrelation_time + if a == b { self.priors[a] } else { 0.0 }
     }

@@ -80,7 +80,7 @@ pub struct Weighting {
     pub(super) weights: Arc<Vec<f64>>,
     /// All normal equations: without each fold, then of all rows.
     pub(super) systems: Arc<Vec<System>>,
-    /// Sums of weighted products of columns over all training rows, the residual last.
+    /// The lower triangle of the sums of weighted products of columns over all training rows, the residual last.
     pub(super) sums: Arc<DMatrix<f64>>,
 }
 
@@ -291,9 +291,10 @@ impl Under<'_, Signals> {
     /// A and g of these values over all training rows, in their units.
     pub(crate) fn equations(&self, indices: &[usize]) -> (DMatrix<f64>, DVector<f64>) {
         let (n, Weighting { sums, autocorrelation_time, .. }) = (indices.len(), &**self.weighting);
-        let mut information = DMatrix::from_fn(n, n, |a, b| sums[(indices[a], indices[b])] / autocorrelation_time);
+        let sum = |a: usize, b: usize| sums[(a.max(b), a.min(b))];
+        let mut information = DMatrix::from_fn(n, n, |a, b| sum(indices[a], indices[b]) / autocorrelation_time);
         indices.iter().enumerate().for_each(|(k, &value)| information[(k, k)] += self.problem.priors[value]);
-        let gradient = DVector::from_fn(n, |a, _| sums[(indices[a], self.problem.n_values)] / autocorrelation_time);
+        let gradient = DVector::from_fn(n, |a, _| sums[(self.problem.n_values, indices[a])] / autocorrelation_time);
         (information, gradient)
     }
 
