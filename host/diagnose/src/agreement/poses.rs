@@ -10,8 +10,8 @@ use darm_core::units::Word;
 use nalgebra::Matrix3;
 
 use super::{Agreement, FEW, MIN_EXPLAINED, trimmed_root_mean_square};
-use crate::measurement::Run;
 use crate::measurement::rigid_motion::nearest_rotation;
+use crate::measurement::{Run, median};
 use crate::misreading::Misreading;
 use crate::outcome::{Number, OtherReading};
 use crate::prepare::thinning::one_of_each_part;
@@ -150,11 +150,11 @@ impl Comparison<'_> {
     /// Words that are one row late or early from some row on.
     fn out_of_step(&self, as_read: &ReadRows, run: &Run, training: &[usize]) -> Vec<(Misreading, f64)> {
         let all = Comparison { rows: training.to_vec(), servos: self.servos.clone(), ..*self };
-        let Some((errors_m, _)) = all.errors_m(as_read) else { return Vec::new() };
+        let Some(errors_m) = all.errors_m(as_read) else { return Vec::new() };
         let mut tried = Vec::new();
         for rows in [1, -1] {
             let shifted_all = ReadRows { words: shifted(&as_read.words, 0, rows), poses: as_read.poses.clone() };
-            let Some((later_m, _)) = all.errors_m(&shifted_all) else { continue };
+            let Some(later_m) = all.errors_m(&shifted_all) else { continue };
             // What the rows up to each gain as they are read: the step is where that is most.
             let gains = errors_m.iter().zip(&later_m).scan(0.0, |sum, (own, later)| {
                 *sum += later.min(10.0 * own) - own.min(10.0 * later);
@@ -172,7 +172,11 @@ impl Comparison<'_> {
 
     /// Lengths of another size.
     fn other_size(&self, as_read: &ReadRows) -> Option<(Misreading, f64)> {
-        let (_, factor) = self.errors_m(as_read)?;
+        // A blunder is as large as it likes.
+        let successive = self.pairs(as_read)?;
+        let apart = |pair: &[[Pose<f64>; 2]], k: usize| (pair[1][k].position - pair[0][k].position).norm();
+        let ratios = successive.windows(2).map(|pair| apart(pair, 1) / apart(pair, 0));
+        let factor = median(ratios.filter(|ratio| ratio.is_finite()))?;
         let sized = |pose: &Pose<f64>| Pose { rotation: pose.rotation, position: pose.position / factor };
         let reading = ReadRows { words: as_read.words.clone(), poses: as_read.poses.iter().map(sized).collect() };
         let is_other = factor.is_normal() && (factor.ln()).abs() > OTHER_SIZE.ln_1p();
@@ -206,28 +210,30 @@ impl Comparison<'_> {
 
     /// Root mean square error of the rows compared, m; `None` where the model has no pose for a word.
     fn error_m(&self, reading: &ReadRows) -> Option<f64> {
-        Some(trimmed_root_mean_square(self.errors_m(reading)?.0))
+        Some(trimmed_root_mean_square(self.errors_m(reading)?))
     }
 
-    /// The error of each row compared, m, and how much larger the log's positions are than the model's.
-    fn errors_m(&self, reading: &ReadRows) -> Option<(Vec<f64>, f64)> {
+    /// What the model predicts and what was measured in each row compared.
+    fn pairs(&self, reading: &ReadRows) -> Option<Vec<[Pose<f64>; 2]>> {
         let mut scratch = ArmScratch::default();
         let predicted = self.rows.iter().map(|&row| {
             let condition = self.arm.working_condition(reading.words[row], self.servos[row]);
             Some([self.arm.model.predict(&condition, &mut scratch).ok()?, reading.poses[row]])
         });
-        let pairs = predicted.collect::<Option<Vec<_>>>().filter(|pairs| !pairs.is_empty())?;
+        predicted.collect::<Option<Vec<_>>>().filter(|pairs| !pairs.is_empty())
+    }
+
+    /// The error of each row compared, m.
+    fn errors_m(&self, reading: &ReadRows) -> Option<Vec<f64>> {
+        let pairs = self.pairs(reading)?;
         let n = pairs.len() as f64;
         let middle = |of: fn(&[Pose<f64>; 2]) -> Vec3<f64>| pairs.iter().map(of).sum::<Vec3<f64>>() / n;
         let (p0, m0) = (middle(|pair| pair[0].position), middle(|pair| pair[1].position));
         let mut turns = Matrix3::zeros();
         let scale_m = self.arm.length_scale_m;
-        let (mut along, mut own) = (0.0, 0.0);
         for [p, m] in &pairs {
             let (dp, dm) = (p.position - p0, m.position - m0);
             turns += dp * dm.transpose() + p.rotation * m.rotation.transpose() * (scale_m * scale_m);
-            along += dm.norm_squared();
-            own += dp.norm_squared();
         }
         let turn = nearest_rotation(&turns);
         let error = |[p, m]: &[Pose<f64>; 2]| {
@@ -235,7 +241,7 @@ impl Comparison<'_> {
             let angle = rotation_log(&(p.rotation.transpose() * turn * m.rotation)).norm();
             aside.norm().hypot(scale_m * angle)
         };
-        Some((pairs.iter().map(error).collect(), (along / own.max(f64::MIN_POSITIVE)).sqrt()))
+        Some(pairs.iter().map(error).collect())
     }
 }
 
