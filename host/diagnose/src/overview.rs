@@ -15,7 +15,7 @@ use crate::measurement::poses::{self, Which};
 use crate::measurement::table::{Names, Table};
 use crate::measurement::{Finding, FindingKind};
 use crate::prepare::repeatability;
-use crate::prepare::sampling::{Clock, usual_step_s};
+use crate::prepare::sampling::{Clock, Sampling, usual_step_s};
 use crate::prepare::signals::{MAX_STEP, Preparation, Prepared};
 pub use crate::prepare::table_findings::UnitDoubt;
 use crate::prepare::table_findings::units;
@@ -115,8 +115,8 @@ struct Rows {
     held_out: HeldOutOverview,
     repeats: Repeats,
     findings: Vec<Finding>,
-    /// Rate, jitter, whether the clock is even, and missing rows, where there is a clock.
-    clock: Option<(f64, f64, bool, usize)>,
+    /// How rows were sampled, where there is a clock.
+    clock: Option<Sampling>,
 }
 
 /// A log in brief; `names` say what columns hold whose own names do not, `how` which rows count.
@@ -211,10 +211,7 @@ fn visits(table: &Table, how: &Preparation) -> Result<Rows, DiagnoseError> {
 fn signals(table: &Table, how: &Preparation) -> Result<Rows, DiagnoseError> {
     let data = Prepared::new(table.clone(), how, None)?;
     let rows = data.rows.iter().filter(|row| row.held_out).count();
-    let clock = (data.sampling.period_s > 0.0).then(|| {
-        let is_even = data.sampling.clock == Clock::Even;
-        (data.sampling.rate_hz(), data.sampling.jitter_s, is_even, data.sampling.n_lost)
-    });
+    let clock = Some(data.sampling).filter(|sampling| sampling.period_s > 0.0);
     let held_out = HeldOutOverview { rows, how: data.held_out };
     Ok(Rows { held_out, repeats: repeated_rows(table), findings: data.findings, clock })
 }
@@ -233,17 +230,17 @@ fn repeated_rows(table: &Table) -> Repeats {
     Repeats { of: "rows", conditions: repeated().count(), dof: repeated().map(|n| n - 1).sum() }
 }
 
-fn sampling(time_s: &[f64], clock: Option<(f64, f64, bool, usize)>) -> SamplingOverview {
+fn sampling(time_s: &[f64], clock: Option<Sampling>) -> SamplingOverview {
     let finite: Vec<f64> = time_s.iter().copied().filter(|time_s| time_s.is_finite()).collect();
     let steps_s: Vec<f64> = finite.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let longest_s = MAX_STEP * usual_step_s(&steps_s);
     let count = |is: &dyn Fn(f64) -> bool| steps_s.iter().filter(|step_s| is(**step_s)).count();
     SamplingOverview {
         duration_s: finite.last().zip(finite.first()).map_or(0.0, |(last, first)| last - first),
-        rate_hz: clock.map(|(rate_hz, ..)| rate_hz),
-        jitter_s: clock.map(|(_, jitter_s, ..)| jitter_s),
-        is_even: clock.is_some_and(|(_, _, is_even, _)| is_even),
-        missing_rows: clock.map_or(0, |(.., missing)| missing),
+        rate_hz: clock.as_ref().map(Sampling::rate_hz),
+        jitter_s: clock.as_ref().and_then(|clock| clock.jitter_s),
+        is_even: clock.as_ref().is_some_and(|clock| clock.clock == Clock::Even),
+        missing_rows: clock.map_or(0, |clock| clock.n_lost),
         gaps: count(&|step_s| longest_s > 0.0 && step_s > longest_s),
         same_time: count(&|step_s| step_s == 0.0),
         time_runs_back: count(&|step_s| step_s < 0.0),

@@ -8,6 +8,7 @@
 //! steps differ where stamps are rounded or rows are lost), and the stamps may be right as they are. Of these that one is
 //! taken in whose times the channels are smoothest: by how far each value is from the cubic through its four neighbours.
 
+use std::f64::consts::TAU;
 use std::ops::Range;
 
 use crate::measurement::even_grid::through;
@@ -21,6 +22,10 @@ const MAX_JITTER: f64 = 0.3;
 const EVEN: f64 = 1e-3;
 /// An even clock is taken where it makes channels rougher than the stamps do by no more than this share.
 const AS_SMOOTH: f64 = 0.02;
+/// Rows over which a period is measured, one after the other.
+const SPANS: [usize; 3] = [4, 16, 64];
+/// Rows that say where within a period rows are due.
+const AT_FIRST: usize = 64;
 /// Rows at the least from which a clock is found.
 const MIN_ROWS: usize = 8;
 
@@ -31,8 +36,8 @@ pub struct Sampling {
     pub period_s: f64,
     /// Which times are used.
     pub clock: Clock,
-    /// Root mean square of the stamps less those of the even clock, s.
-    pub jitter_s: f64,
+    /// Root mean square of the stamps less those of an even clock, s; `None` where they follow none.
+    pub jitter_s: Option<f64>,
     /// Rows that are missing between others.
     pub n_lost: usize,
 }
@@ -52,9 +57,14 @@ impl Sampling {
         if self.period_s > 0.0 { 1.0 / self.period_s } else { 0.0 }
     }
 
+    /// Whether the stamps are those of an even clock.
+    pub fn is_even(&self) -> bool {
+        self.clock == Clock::Even && self.jitter_s.is_some_and(|jitter_s| jitter_s < EVEN * self.period_s)
+    }
+
     /// What the owner of the log should know; `None` of even stamps without gaps.
     pub fn sentence(&self) -> Option<String> {
-        let is_even = self.jitter_s < EVEN * self.period_s && self.clock == Clock::Even;
+        let is_even = self.is_even();
         if is_even && self.n_lost == 0 {
             return None;
         }
@@ -64,7 +74,10 @@ impl Sampling {
                 Clock::Even => "an even clock is used",
                 Clock::Stamps => "the stamps are used, resampled to even steps for filters and rates",
             };
-            parts.push(format!("time stamps off an even clock by {:.3} ms rms: {used}", 1e3 * self.jitter_s));
+            let off = self.jitter_s.map_or("time stamps of no even clock".into(), |jitter_s| {
+                format!("time stamps off an even clock by {:.3} ms rms", 1e3 * jitter_s)
+            });
+            parts.push(format!("{off}: {used}"));
         }
         if self.n_lost > 0 {
             parts.push(format!("{} rows missing between others, interpolated for filters and rates", self.n_lost));
@@ -80,7 +93,7 @@ pub fn find(time_s: &mut [f64], motions: &[usize], channels: &[&[f64]]) -> Sampl
     let steps: Vec<f64> =
         parts.iter().flat_map(|part| time_s[part.clone()].windows(2)).map(|pair| pair[1] - pair[0]).collect();
     let middle_s = usual_step_s(&steps);
-    let mut found = Sampling { period_s: middle_s, clock: Clock::Stamps, jitter_s: 0.0, n_lost: 0 };
+    let mut found = Sampling { period_s: middle_s, clock: Clock::Stamps, jitter_s: None, n_lost: 0 };
     if time_s.len() < MIN_ROWS || middle_s <= 0.0 {
         return found;
     }
@@ -94,9 +107,9 @@ pub fn find(time_s: &mut [f64], motions: &[usize], channels: &[&[f64]]) -> Sampl
             limit = rough;
             time_s.copy_from_slice(&even.times_s);
             let EvenClock { period_s, jitter_s, n_lost, .. } = even;
-            found = Sampling { period_s, clock: Clock::Even, jitter_s, n_lost };
+            found = Sampling { period_s, clock: Clock::Even, jitter_s: Some(jitter_s), n_lost };
         } else if found.clock == Clock::Stamps {
-            found.jitter_s = even.jitter_s;
+            found.jitter_s = Some(even.jitter_s);
         }
     }
     found
@@ -118,7 +131,7 @@ struct EvenClock {
 impl EvenClock {
     /// The even clock of about this period; `None` where the stamps follow none.
     fn of(stamps: &[f64], parts: &[Range<usize>], period_s: f64) -> Option<Self> {
-        let mut period_s = period_s;
+        let mut period_s = refined(stamps, parts, period_s);
         let mut numbers = vec![0.0; stamps.len()];
         for _ in 0..2 {
             parts.iter().for_each(|part| number(&stamps[part.clone()], period_s, &mut numbers[part.clone()]));
@@ -142,18 +155,52 @@ impl EvenClock {
     }
 }
 
+/// The period by the time over more and more rows, in which jitter is a smaller and smaller share: a period that is a percent
+/// off is taken for a lost row sooner or later.
+fn refined(stamps: &[f64], parts: &[Range<usize>], mut period_s: f64) -> f64 {
+    for rows in SPANS {
+        let spans = parts.iter().flat_map(|part| stamps[part.clone()].windows(rows + 1));
+        let periods = spans.filter_map(|span| {
+            let span_s = span[rows] - span[0];
+            let n = (span_s / period_s).round();
+            (n > 0.0).then(|| span_s / n)
+        });
+        period_s = median(periods).unwrap_or(period_s);
+    }
+    period_s
+}
+
+/// When the first row was due, if it and those after it are late or early by less than half a period: by the mean of their
+/// places within a period, on a circle.
+fn phase_s(stamps: &[f64], period_s: f64) -> f64 {
+    let Some(first_s) = stamps.first() else { return 0.0 };
+    let angles = stamps.iter().take(AT_FIRST).map(|stamp| TAU * (stamp - first_s) / period_s);
+    let (sine, cosine) = angles.fold((0.0, 0.0), |(sine, cosine), angle| (sine + angle.sin(), cosine + angle.cos()));
+    first_s + period_s * sine.atan2(cosine) / TAU
+}
+
 /// The number of each row on an even clock of this period: the next one, or later where its stamp is.
 fn number(stamps: &[f64], period_s: f64, numbers: &mut [f64]) {
     // Rounded stamps are late and early by their resolution, so that only more than that is a lost row.
     let steps: Vec<f64> = stamps.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let resolution_s = if steps.contains(&0.0) { usual_step_s(&steps) } else { 0.0 };
     let tolerance_s = f64::max(0.5 * period_s, resolution_s);
-    let (mut phase_s, mut last) = (stamps.first().copied().unwrap_or(0.0), -1.0);
-    for (number, stamp) in numbers.iter_mut().zip(stamps) {
-        let late_s = stamp - (phase_s + period_s * (last + 1.0));
+    let (mut phase_s, mut last) = (phase_s(stamps, period_s), -1.0);
+    for (k, stamp) in stamps.iter().enumerate() {
+        let mut late_s = stamp - (phase_s + period_s * (last + 1.0));
+        if late_s < -tolerance_s {
+            // The row before was so late that one seemed lost; or else the first ones were.
+            if k > 1 && numbers[k - 1] > numbers[k - 2] + 1.0 {
+                last -= 1.0;
+                numbers[k - 1] = last;
+            } else {
+                phase_s -= period_s;
+            }
+            late_s += period_s;
+        }
         let skipped = if late_s > tolerance_s { (late_s / period_s).round().max(0.0) } else { 0.0 };
         last += 1.0 + skipped;
-        *number = last;
+        numbers[k] = last;
         // The phase follows slowly, so that an error of the period does not add up.
         phase_s += 0.02 * (stamp - (phase_s + period_s * last));
     }

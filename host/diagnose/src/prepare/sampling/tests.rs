@@ -60,6 +60,23 @@ fn lost_rows_are_counted_and_keep_their_times() {
     assert!(worst_s < 1e-2 * PERIOD_S && sampling.sentence().is_some_and(|text| text.contains("rows missing")));
 }
 
+/// A logger that is late, now and then by more than half a period, and loses rows: whatever of both is drawn.
+#[test]
+fn late_stamps_with_lost_rows_give_the_even_clock() {
+    for draw in 0..40 {
+        // Of the last row none after it tells whether it is late or rows were lost.
+        let is_last = |k: usize| k > 1990;
+        let late = |k: usize| if is_last(k) { 0.0 } else { 0.6 * PERIOD_S * random(7000 * draw + k).abs().powi(3) };
+        let is_lost = |k: usize| random(7000 * draw + 3000 + k) > 0.9;
+        let rows = rows(|k, time_s| time_s + late(k), is_lost);
+        let between = ((rows.1.last().unwrap() - rows.1[0]) / PERIOD_S).round() as usize + 1;
+        let n_lost = between - rows.1.len();
+        let (worst_s, sampling) = found(rows);
+        assert_eq!((sampling.clock, sampling.n_lost), (Clock::Even, n_lost), "{draw}");
+        assert!(worst_s < 0.05 * PERIOD_S, "{draw}: {worst_s}");
+    }
+}
+
 #[test]
 fn rounded_stamps_give_the_even_clock() {
     // To two periods, to a millisecond where a period is 5, and to 4 ms, which is no part of it.
