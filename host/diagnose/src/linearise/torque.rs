@@ -164,7 +164,11 @@ fn of_motion(
                 periods_a_turn(&coordinate, &own, |row| !rows[row].held_out, ripples)
             }
         };
-        candidates.extend(coordinate.candidates(of_joint_laws(&coordinate, &periods), site, &shares, known));
+        let mut laws = of_joint_laws(&coordinate, &periods);
+        laws.extend(
+            near.iter().flat_map(|near| near.distances(site)).filter(|law| !laws.contains(law)).collect::<Vec<_>>(),
+        );
+        candidates.extend(coordinate.candidates(laws, site, &shares, known));
     }
     candidates.extend(couplings(&clock, motion, transmission, known));
     candidates.push(common_delay(&clock, &nominal, n));

@@ -1,7 +1,10 @@
 //! A model that a search found, near which the next experiment is made: the slopes of what is misplaced change with the bodies,
-//! those of bodies with what is misplaced, and the periods of ripples show in what the model leaves.
+//! those of bodies with what is misplaced, the periods of ripples show in what the model leaves, and the distances over which
+//! friction turns round are searched near the one found.
 
-use crate::effect::Law;
+use darm_core::effect::basis::Law as BasisLaw;
+
+use crate::effect::{Law, Site};
 use crate::linearise::experiment::Experiment;
 use crate::linearise::model_effects::ModelEffect;
 use crate::measured::Measured;
@@ -10,6 +13,9 @@ use crate::measured::Measured;
 pub(crate) fn is_ripple(law: Law) -> bool {
     matches!(law, Law::GearPeriodicSine | Law::GearPeriodicCosine)
 }
+
+/// Distances near one that was found, as shares of it: those tried at first are farther apart than intervals of the level allow.
+const NEAR: [f64; 5] = [0.6, 0.8, 1.0, 1.25, 1.67];
 
 /// A model that was found in an experiment, near which another one is made.
 pub(crate) struct Near {
@@ -24,7 +30,8 @@ impl Near {
     /// experiment changes with it.
     pub(crate) fn model(experiment: &Experiment, values: &[f64], effects: &[ModelEffect]) -> Option<Self> {
         let changes = |effect: &ModelEffect| {
-            matches!(effect.law, Law::MassDistribution | Law::JointOffset | Law::BaseTilt) || is_ripple(effect.law)
+            matches!(effect.law, Law::MassDistribution | Law::JointOffset | Law::BaseTilt | Law::PreslidingFriction)
+                || is_ripple(effect.law)
         };
         if experiment.kind != Measured::JointTorque || !effects.iter().any(changes) {
             return None;
@@ -34,5 +41,13 @@ impl Near {
         let ripples = experiment.candidates.iter().zip(offsets).filter(|(candidate, _)| is_ripple(candidate.law));
         ripples.for_each(|(_, at)| without_ripples[at] = 0.0);
         Some(Self { effects: effects.to_vec(), residuals: experiment.at(&without_ripples) })
+    }
+
+    /// The laws of friction at a place with distances near those found.
+    pub(super) fn distances(&self, site: &Site) -> Vec<BasisLaw<f64>> {
+        let found =
+            self.effects.iter().filter(|effect| effect.law == Law::PreslidingFriction && effect.place == site.code);
+        let near = found.flat_map(|effect| NEAR.map(|share| (effect.law, effect.constant.map(|found| share * found))));
+        near.filter_map(|(law, distance)| BasisLaw::named(law, distance)).collect()
     }
 }
