@@ -26,6 +26,8 @@ pub(crate) struct Judgement {
     pub(crate) effects: Vec<Effect>,
     pub(crate) alternatives: Vec<Alternative>,
     pub(crate) unobservable: Vec<String>,
+    /// Effects of the best model that these data do not confirm.
+    pub(crate) unconfirmed: Vec<String>,
     pub(crate) repeatability: Option<Repeatability>,
     /// What the residual depends on before any effect is added; not looked for in signals.
     pub(crate) structure: Option<Structure>,

@@ -14,6 +14,7 @@
 //! | `effects` | law, where, values with unit and 95 % interval, by how much the held-out norm grows without it |
 //! | `alternatives` | what would explain the rows as well in an effect's place |
 //! | `unobservable` | values that these rows do not identify, without numbers |
+//! | `unconfirmed` | effects of signals that the errors after rest on too, and that these rows do not confirm by themselves |
 //! | `structure`, `remaining` | what the residual depends on before and after |
 //! | `outliers` | rows that no model explains, by line |
 //! | `next_measurement` | what to measure to distinguish alternatives, or null |
@@ -68,6 +69,9 @@ pub struct Diagnosis {
     pub alternatives: Vec<Alternative>,
     /// Values that these measurements do not identify.
     pub unobservable: Vec<String>,
+    /// Effects that the errors after rest on too and that a corrected model holds, though these measurements do not confirm
+    /// each by itself.
+    pub unconfirmed: Vec<String>,
     /// Rows that no model explains.
     pub outliers: Vec<Outlier>,
     /// What the residual depends on before any effect is added; not looked for in signals.

@@ -50,6 +50,7 @@ pub(crate) fn diagnosis(
         effects: judgement.effects,
         alternatives: judgement.alternatives,
         unobservable: judgement.unobservable,
+        unconfirmed: judgement.unconfirmed,
         outliers: summary.outliers,
         structure: judgement.structure,
         remaining: judgement.remaining,

@@ -70,6 +70,7 @@ pub(crate) fn judge(
         effects: if verdict.names_effects() { pose_intervals::effects(selected)? } else { Vec::new() },
         alternatives,
         unobservable: pose_intervals::unobservable(best),
+        unconfirmed: Vec::new(),
         repeatability: selected.repeatability.map(|noise| repeatability(arm, noise)),
         structure: Some(before),
         remaining,

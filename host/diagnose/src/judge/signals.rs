@@ -83,6 +83,7 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
     if !verdict.names_effects() && verdict != Verdict::NotIdentifiable {
         effects.clear();
     }
+    let unconfirmed = unconfirmed(selected, &effects);
     let next_measurement = (!doubtful.is_empty()).then(|| next_rows::proposal(problem, best, &doubtful));
     let alternatives = alternatives(selected, &rivals);
     let remaining = Structure {
@@ -94,7 +95,25 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
         depends_on: remaining,
     };
     let structure = None;
-    Judgement { verdict, effects, alternatives, unobservable, repeatability, structure, remaining, next_measurement }
+    Judgement {
+        verdict,
+        effects,
+        alternatives,
+        unobservable,
+        unconfirmed,
+        repeatability,
+        structure,
+        remaining,
+        next_measurement,
+    }
+}
+
+/// The effects of the best model beside those that are named and those of the model before.
+fn unconfirmed(selected: &SelectedSignals, named: &[Effect]) -> Vec<String> {
+    let added = selected.best.fit.active.iter().skip(selected.n_known);
+    let candidates = added.map(|&k| &selected.problem.experiment.candidates[k]);
+    let open = candidates.filter(|candidate| !named.iter().any(|found| is_of(found, candidate)));
+    open.map(|candidate| format!("{} at {}", candidate.law, candidate.site)).collect()
 }
 
 /// Chance that all effects selected together predict unseen rows so much better where there is none, times the number of

@@ -67,6 +67,10 @@ pub(crate) fn of_signals(diagnosis: &Diagnosis) -> Vec<String> {
     if !diagnosis.unobservable.is_empty() {
         sentences.push(format!("Not identifiable from these data: {}.", diagnosis.unobservable.join("; ")));
     }
+    if diagnosis.verdict.names_effects() && !diagnosis.unconfirmed.is_empty() {
+        let all = diagnosis.unconfirmed.join("; ");
+        sentences.push(format!("In the corrected model too, though these data do not confirm each by itself: {all}."));
+    }
     if !diagnosis.alternatives.is_empty() {
         let name = |other: &Alternative| format!("{} at {}", other.law, other.site);
         let all: Vec<String> = diagnosis.alternatives.iter().map(name).collect();
@@ -234,8 +238,8 @@ fn terms_sentence(arm: &Arm, diagnosis: &Diagnosis, with_terms: &WithTerms) -> S
 
 fn effect_of_signals(effect: &outcome::Effect) -> String {
     let value = |value: &Value| match value.nominal {
-        Some(from) => format!("{} {} → {} {}", value.name, short(from), short(from + value.value), value.unit),
-        None => format!("{} {} {}", value.name, short(value.value), value.unit),
+        Some(from) => format!("{} {} → {}{}", value.name, short(from), short(from + value.value), unit_after(value)),
+        None => format!("{} {}{}", value.name, short(value.value), unit_after(value)),
     };
     let values: Vec<String> = effect.values.iter().map(value).collect();
     let gain = match &effect.held_out_gain {
@@ -246,6 +250,11 @@ fn effect_of_signals(effect: &outcome::Effect) -> String {
         _ => String::new(),
     };
     format!("{} at {}: {}{gain}.", effect.law, effect.site, values.join(", "))
+}
+
+/// The unit behind a number; nothing behind a ratio.
+fn unit_after(value: &Value) -> String {
+    if value.unit == "1" { String::new() } else { format!(" {}", value.unit) }
 }
 
 /// Four digits.
