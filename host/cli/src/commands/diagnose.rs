@@ -12,8 +12,7 @@ use darm::report::{SourceFile, diagnosis_page};
 use darm_diagnose::correction::Keep;
 use darm_diagnose::measurement::Finding;
 use darm_diagnose::outcome::{Diagnosis, Effect, ErrorFigure, Number};
-use darm_diagnose::report::numbers::readable;
-use darm_diagnose::report::numbers::with_interval;
+use darm_diagnose::report::numbers::{after, readable, with_interval};
 use serde::Serialize;
 
 use crate::exchanged;
@@ -154,7 +153,7 @@ impl Answer for Report {
 /// The values of an effect with their intervals.
 pub(super) fn effect(found: &Effect) -> String {
     let values = found.values.iter().map(|value| {
-        let unit = if value.unit == "1" { String::new() } else { format!(" {}", value.unit) };
+        let unit = after(&value.unit);
         let Some(ci95) = value.ci95 else { return format!("{} {:.3}{unit}", value.name, value.value) };
         let Some(from) = value.nominal else {
             let [size, low, high] = with_interval(value.value, ci95);

@@ -18,6 +18,7 @@ use darm_arm::wired_arm::WiredArm;
 use darm_core::units::Digest;
 use darm_device::plant::Broken;
 use darm_device::qemu::{self, Console};
+use darm_diagnose::report::numbers::after;
 use darm_diagnose::truth::{Sealed, Truth};
 use serde::Serialize;
 
@@ -158,8 +159,7 @@ impl Answer for Ended {
         if place.is_empty() {
             return "\nno undeclared effect in the arm".to_owned();
         }
-        let unit = if *unit == "1" { String::new() } else { format!(" {unit}") };
-        format!("\nundeclared effect in the arm: {effect} at {place}, {size:.6}{unit}")
+        format!("\nundeclared effect in the arm: {effect} at {place}, {size:.6}{}", after(unit))
     }
 }
 

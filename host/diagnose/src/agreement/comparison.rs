@@ -74,7 +74,7 @@ impl Comparison<'_> {
         let is_compared = |(rank, tried): &(usize, Tried)| *rank < COMPARED || tried.hypothesis.is_short_delay();
         let compared = tried.into_iter().enumerate().filter(is_compared);
         let hypotheses: Vec<Hypothesis> = compared.map(|(_, tried)| tried.hypothesis).collect();
-        // The few rows that a delay takes off either end change this by far less than the factor that is asked for.
+        // The few rows that a delay takes off either end change this by far less than [`MUCH_LESS`].
         let limits: BTreeMap<Laws, f64> = hypotheses
             .iter()
             .map(|hypothesis| Laws::compared_with(&hypothesis.misreading))

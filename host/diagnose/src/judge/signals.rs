@@ -40,20 +40,9 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
     let (problem, best) = (&selected.problem, &selected.best);
     let (mut effects, mut unobservable) = intervals::effects(selected);
     let rivals = rivals_of_effects(selected, &effects);
-    unobservable.extend(selected.impossible.iter().map(|&k| {
-        let candidate = &problem.experiment.candidates[k];
-        format!(
-            "{} at {} (it fits best with a size below the least possible: is the sign of that channel right?)",
-            candidate.law, candidate.site
-        )
-    }));
+    unobservable.extend(impossible(selected));
     effects.retain(|found| !rivals.iter().any(|rival| is_of(found, selected.candidate(rival.order))));
-    // Effects that help together, and none of them by itself.
-    let is_undecided = effects.is_empty() && rivals.is_empty() && best.fit.active.len() > selected.n_known;
-    let doubtful = match is_undecided {
-        true => intervals::likeliest(selected, MAX_COMPARED),
-        false => of_rivals(selected, &rivals),
-    };
+    let doubtful = doubtful(selected, effects.is_empty(), &rivals);
     let Remaining { terms: mut remaining, share: left, over_noise } = remaining::remaining(problem, best);
     let after = problem.experiment.at(&best.fit.values);
     let repeatability = scatter::scatter(&problem.experiment, &after, is_filtered);
@@ -106,6 +95,27 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
         remaining,
         next_measurement,
     }
+}
+
+/// The effects that have rivals; where none is certain and none has rivals, they help together and none of them by itself: the
+/// likeliest.
+fn doubtful(selected: &SelectedSignals, is_none_certain: bool, rivals: &[Rival]) -> Vec<usize> {
+    let is_undecided = is_none_certain && rivals.is_empty() && selected.best.fit.active.len() > selected.n_known;
+    match is_undecided {
+        true => intervals::likeliest(selected, MAX_COMPARED),
+        false => of_rivals(selected, rivals),
+    }
+}
+
+/// The effects that fit best with sizes which cannot be.
+fn impossible(selected: &SelectedSignals) -> impl Iterator<Item = String> {
+    let candidates = selected.impossible.iter().map(|&k| &selected.problem.experiment.candidates[k]);
+    candidates.map(|candidate| {
+        format!(
+            "{} at {} (it fits best with a size below the least possible: is the sign of that channel right?)",
+            candidate.law, candidate.site
+        )
+    })
 }
 
 /// The effects of the best model beside those that are named and those of the model before.

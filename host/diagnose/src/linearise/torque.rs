@@ -164,20 +164,14 @@ fn of_motion(
                 periods_a_turn(&coordinate, &own, |row| !rows[row].held_out, ripples)
             }
         };
-        let mut laws = of_joint_laws(&coordinate, &periods);
-        laws.extend(
-            near.iter().flat_map(|near| near.distances(site)).filter(|law| !laws.contains(law)).collect::<Vec<_>>(),
-        );
+        let distances = near.map_or_else(Vec::new, |near| near.distances(site));
+        let laws = of_joint_laws(&coordinate, &periods, distances);
         candidates.extend(coordinate.candidates(laws, site, &shares, known));
     }
     candidates.extend(couplings(&clock, motion, transmission, known));
     candidates.push(common_delay(&clock, &nominal, n));
     candidates.iter_mut().for_each(bound);
     candidates.extend(misplaced.candidates(robot, &sites));
-    let channel = |name: &str, of: &[Vec<f64>]| -> Vec<(String, Vec<f64>)> {
-        of.iter().enumerate().map(|(k, values)| (format!("{name} of joint {}", k + 1), values.clone())).collect()
-    };
-    let channels = [channel("position", &motion.q), channel("velocity", &motion.v), channel("acceleration", &motion.a)];
     Ok(Experiment {
         kind: Measured::JointTorque,
         axes: (1..=n).map(|k| Axis::new(format!("joint {k}"), "N·m")).collect(),
@@ -186,7 +180,7 @@ fn of_motion(
         residuals,
         measured: Some(measured),
         candidates,
-        channels: channels.concat(),
+        channels: channels(motion),
         bodies,
         findings: Vec::new(),
         curvature: match motion.is_sample {
@@ -194,6 +188,14 @@ fn of_motion(
             false => Curvature::Beyond(Box::new(move |values| misplaced.beyond(values))),
         },
     })
+}
+
+/// Position, velocity and acceleration of each joint, by names for people.
+fn channels(motion: &Motion) -> Vec<(String, Vec<f64>)> {
+    let channel = |name: &str, of: &[Vec<f64>]| -> Vec<(String, Vec<f64>)> {
+        of.iter().enumerate().map(|(k, values)| (format!("{name} of joint {}", k + 1), values.clone())).collect()
+    };
+    [channel("position", &motion.q), channel("velocity", &motion.v), channel("acceleration", &motion.a)].concat()
 }
 
 /// The links and what the tool carries, as candidates numbered from 0.
@@ -367,8 +369,8 @@ fn regressor(robot: &Robot, motion: &Motion, rows: usize) -> (Vec<f64>, Vec<[Vec
     (nominal, columns)
 }
 
-/// Friction, the motor's own inertia, springs and offsets of one joint.
-fn of_joint_laws(coordinate: &Coordinate, periods_a_turn: &[f64]) -> Vec<Law<f64>> {
+/// Friction, also at these distances, the motor's own inertia, springs and offsets of one joint.
+fn of_joint_laws(coordinate: &Coordinate, periods_a_turn: &[f64], mut distances: Vec<Law<f64>>) -> Vec<Law<f64>> {
     let mut laws = coordinate.friction();
     let of_seals = |law: &Law<f64>| {
         matches!(
@@ -379,5 +381,7 @@ fn of_joint_laws(coordinate: &Coordinate, periods_a_turn: &[f64]) -> Vec<Law<f64
     laws.retain(|law| !of_seals(law));
     laws.extend(coordinate.others());
     laws.extend(coordinate.of_motor(periods_a_turn));
+    distances.retain(|law| !laws.contains(law));
+    laws.extend(distances);
     laws
 }

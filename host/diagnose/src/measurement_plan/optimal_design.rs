@@ -73,17 +73,21 @@ fn of_all<'a>(covariance: &DMatrix<f64>, measurements: &'a [DMatrix<f64>]) -> Ve
     let spread = covariance * all;
     let mut first = 0;
     let measurement = |slopes: &'a DMatrix<f64>| {
-        let n = slopes.nrows();
-        first += n;
-        let spread = spread.columns(first - n, n).into_owned();
-        let left = DMatrix::identity(n, n) + slopes * &spread;
-        let gain = left.determinant().ln();
-        Measurement { slopes, spread, factor: DMatrix::zeros(0, n), left, n_known: 0, gain }
+        first += slopes.nrows();
+        Measurement::new(slopes, spread.columns(first - slopes.nrows(), slopes.nrows()).into_owned())
     };
     measurements.iter().map(measurement).collect()
 }
 
-impl Measurement<'_> {
+impl<'a> Measurement<'a> {
+    /// Before any is chosen.
+    fn new(slopes: &'a DMatrix<f64>, spread: DMatrix<f64>) -> Self {
+        let n = slopes.nrows();
+        let left = DMatrix::identity(n, n) + slopes * &spread;
+        let gain = left.determinant().ln();
+        Self { slopes, spread, factor: DMatrix::zeros(0, n), left, n_known: 0, gain }
+    }
+
     /// Takes in those chosen ones, of `n_rows` together, that it does not know yet.
     fn learn(&mut self, chosen: &[Chosen], n_rows: usize) {
         let mut factor = std::mem::replace(&mut self.factor, DMatrix::zeros(0, 0)).resize_vertically(n_rows, 0.0);

@@ -48,6 +48,11 @@ pub fn with_unit(value: f64, unit: &'static str) -> String {
     }
 }
 
+/// A unit after its number; nothing after a ratio.
+pub fn after(unit: &str) -> String {
+    if unit == "1" { String::new() } else { format!(" {unit}") }
+}
+
 /// A length, in millimetres.
 pub fn mm(length_m: f64) -> String {
     with_unit(length_m, "m")

@@ -17,7 +17,7 @@ use crate::outcome::{
 };
 use crate::prepare::repeatability::MIN_DOF;
 use crate::rejection::Rejection;
-use crate::report::numbers::readable;
+use crate::report::numbers::{after, readable};
 use darm_arm::arm::Arm;
 
 /// An error that an effect changes falls below this share of itself.
@@ -238,8 +238,8 @@ fn terms_sentence(arm: &Arm, diagnosis: &Diagnosis, with_terms: &WithTerms) -> S
 
 fn effect_of_signals(effect: &outcome::Effect) -> String {
     let value = |value: &Value| match value.nominal {
-        Some(from) => format!("{} {} → {}{}", value.name, short(from), short(from + value.value), unit_after(value)),
-        None => format!("{} {}{}", value.name, short(value.value), unit_after(value)),
+        Some(from) => format!("{} {} → {}{}", value.name, short(from), short(from + value.value), after(&value.unit)),
+        None => format!("{} {}{}", value.name, short(value.value), after(&value.unit)),
     };
     let values: Vec<String> = effect.values.iter().map(value).collect();
     let gain = match &effect.held_out_gain {
@@ -250,11 +250,6 @@ fn effect_of_signals(effect: &outcome::Effect) -> String {
         _ => String::new(),
     };
     format!("{} at {}: {}{gain}.", effect.law, effect.site, values.join(", "))
-}
-
-/// The unit behind a number; nothing behind a ratio.
-fn unit_after(value: &Value) -> String {
-    if value.unit == "1" { String::new() } else { format!(" {}", value.unit) }
 }
 
 /// Four digits.
