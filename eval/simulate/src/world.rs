@@ -205,7 +205,7 @@ impl World {
         let was_powered = self.bench.is_powered();
         if self.bench.is_paused() {
             self.pins.on_pause(now_ns);
-            self.servos.on_pause(self.bench.tick_ns());
+            self.servos.on_pause(now_ns, self.bench.tick_ns());
         }
         let bench = &mut self.bench;
         if let Err(message) = panics::caught(|| bench.step()) {

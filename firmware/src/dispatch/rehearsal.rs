@@ -16,9 +16,11 @@ const REHEARSED: usize = 16;
 impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
     /// Refuses a program that would exceed the limit of an output because of what has flowed before.
     pub(super) async fn rehearse(&mut self) -> Result<(), Refusal> {
-        match self.snapshot().await?.phase {
-            Phase::Idle => {}
-            Phase::Manual => {
+        let now = self.snapshot().await?;
+        match now.phase {
+            Phase::Idle if !now.is_moving => {}
+            // Nobody looks after a servo that moves while the table is away: it is held first.
+            Phase::Idle | Phase::Manual => {
                 self.shared.ask(Order::Command { command: Command::Stop, stops: self.stops }).await;
             }
             // The control tick refuses, and says why.

@@ -32,6 +32,7 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
 
     /// Fills the one table in memory from the new image, and only then makes the image valid.
     pub(super) async fn commit(&mut self, image: Image) -> Result<Answer, Refusal> {
+        self.require_idle().await?;
         if !self.store()?.is_complete(image) {
             return Err(Refusal::NoUpload);
         }
@@ -64,7 +65,6 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
 
     /// Stores a profile if a person is at the board, and restarts with it: nothing of the old one stays in force.
     async fn commit_profile(&mut self) -> Result<Answer, Refusal> {
-        self.require_idle().await?;
         let mut profile = Profile::empty();
         self.store()?.load_profile_upload(&mut profile).await?;
         self.board.caps.check(&profile).map_err(Refusal::Profile)?;

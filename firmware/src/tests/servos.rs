@@ -1,8 +1,8 @@
 //! Servos move only when they are commanded: no table and no calibration moves one.
 
-use darm_core::sequencer::{Command, ServoAction, ServoSeen, ServoTarget};
+use darm_core::sequencer::{Command, Phase, ServoAction, ServoSeen, ServoTarget};
 use darm_core::units::Micros;
-use darm_core::wire::message::{Answer, Calibration, Request};
+use darm_core::wire::message::{Answer, CHUNK, Calibration, Image, Refusal, Request};
 
 use super::Bench;
 use super::fakes::{Cells, table};
@@ -48,4 +48,37 @@ fn another_model_moves_no_servo() {
     let again = Bench::new(bench.cells);
     again.connect();
     assert_eq!(again.ask(Request::Calibration), Ok(Answer::Calibration(Some(calibration))));
+}
+
+/// The servo of a program that has ended is pushed away, or was slow: it is on its way, and nothing runs.
+fn with_servo_on_its_way() -> (Bench, Image) {
+    let bench = with_servo(0.1);
+    let (image, bytes) = table(2, 4, true);
+    bench.ask(Request::Begin(image)).unwrap();
+    for (offset, chunk) in (0u32..).step_by(CHUNK).zip(bytes.chunks(CHUNK)) {
+        bench.ask(Request::Chunk { offset, bytes: chunk }).unwrap();
+    }
+    bench.command(Command::Play).unwrap();
+    for _ in 0..600 {
+        is_at(&bench, 0.1);
+    }
+    is_at(&bench, 1.0);
+    assert!(bench.status().phase == Phase::Idle && servo_target(&bench).is_some());
+    (bench, image)
+}
+
+/// The shaft is at this angle in the next tick.
+fn is_at(bench: &Bench, angle_rad: f32) {
+    let answered = Some(Micros(bench.clock.0.get()));
+    bench.shared.see_servo(0, ServoSeen { angle_rad, answered, ..ServoSeen::default() });
+    bench.tick();
+}
+
+#[test]
+fn no_flash_is_written_while_a_servo_moves() {
+    let (bench, image) = with_servo_on_its_way();
+    assert_eq!(bench.ask(Request::Begin(table(3, 4, true).0)), Err(Refusal::Busy));
+    assert_eq!(bench.ask(Request::Commit(image)), Err(Refusal::Busy));
+    is_at(&bench, 0.1);
+    assert_eq!(bench.ask(Request::Commit(image)), Ok(Answer::Committed { rows: 4 }));
 }

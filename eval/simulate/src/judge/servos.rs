@@ -14,6 +14,8 @@ const SPEED: u8 = 46;
 const PRESENT: u8 = 56;
 /// A goal this near to a position that was seen lately holds it and moves nothing, steps: 1.4°.
 const HOLD_STEPS: u16 = 16;
+/// A servo is on its way beyond so many steps from its goal: 0.1 rad, more than any that holds gives way.
+const UNDER_WAY_STEPS: u16 = 65;
 /// A goal is the requested one when it is this near, steps.
 const GOAL_STEPS: u16 = 2;
 /// A silent servo is noticed within this time after its time-out, in board time: two ticks.
@@ -142,8 +144,14 @@ impl Servos {
         }
     }
 
-    /// For this time the flash let nothing run, so that no servo was asked: it does not count as silence.
-    pub fn on_pause(&mut self, span_ns: u64) {
+    /// For this time the flash lets nothing run, so that no servo is asked: it does not count as silence, and nobody would see
+    /// what a servo does that is on its way.
+    pub fn on_pause(&mut self, now_ns: u64, span_ns: u64) {
+        if let Some((id, steps)) = self.moving().filter(|(_, steps)| *steps > UNDER_WAY_STEPS) {
+            self.verdict.note(JUDGE, "flash-under-motion", now_ns, || {
+                format!("servo {id} is {steps} steps from its goal while the flash lets no control tick run")
+            });
+        }
         for seen in &mut self.seen {
             seen.answered_ns = seen.answered_ns.map(|at_ns| at_ns + span_ns);
         }
@@ -341,10 +349,22 @@ mod tests {
         judge.on_bytes(0, true, &packet(1, 2, &[56, 6]));
         judge.on_bytes(0, false, &packet(1, 0, &[0, 8, 0, 0, 0, 0]));
         judge.on_bytes(0, true, &goal(2048, 9));
-        judge.on_pause(45_000_000);
+        judge.on_pause(0, 45_000_000);
         judge.on_lines_on(148_000_000);
         assert!(!judge.verdict.has("servo-silence"), "a pause does not count");
         judge.on_lines_on(148_000_001);
         assert!(judge.verdict.has("servo-silence"));
+    }
+
+    #[test]
+    fn a_servo_on_its_way_while_the_flash_lets_nothing_run_is_seen() {
+        for (steps, broken) in [(60, false), (70, true)] {
+            let mut judge = judge();
+            judge.on_bytes(0, true, &packet(1, 2, &[56, 6]));
+            judge.on_bytes(0, false, &packet(1, 0, &[0, 8, 0, 0, 0, 0]));
+            judge.on_bytes(1, true, &goal(2048 + steps, 9));
+            judge.on_pause(2, 1_000_000);
+            assert_eq!(judge.verdict.has("flash-under-motion"), broken, "{steps} steps");
+        }
     }
 }
