@@ -2,7 +2,8 @@
 //!
 //! Coils are numbered by the output that feeds them. A tick touches what changes: coils that switch, peaks and pulses
 //! that end, and [`METERS_A_TICK`] meters in turn, also those of outputs that no table uses. When a coil switched is only
-//! noted: its meter counts in its turn what flowed before and after, so that no row makes a tick long.
+//! noted: its meter counts in its turn what flowed before and after, so that no row makes a tick long. Two edges are noted; where
+//! a third comes before the meter's turn, the pause between two currents counts as current.
 
 mod manual;
 mod output;
@@ -17,6 +18,8 @@ use output::{NO_OUTPUT, Output, Wires, bit_of, limit_of};
 
 /// Meters that count in turn in one tick.
 const METERS_A_TICK: usize = 6;
+/// Spans that they count at most: of a coil whose current begins and ends between two of its turns there are three.
+const SPANS_A_TICK: usize = 12;
 
 /// State of all coils. Sets of coils are masks: bit `o` is the coil of output `o`.
 #[derive(Debug)]
@@ -50,8 +53,11 @@ pub(super) struct Coils<'t> {
     peaks_from: Micros,
     /// Coils whose current ends with the outputs of the next tick: until then it is counted.
     ending: u64,
-    /// Coils whose current has begun or ended once since their meter counted.
+    /// Coils whose current has begun or ended since their meter counted: once, or twice.
     uncounted: u64,
+    uncounted_twice: u64,
+    /// From the first to the second time, µs.
+    between_us: [u16; MAX_COILS],
     /// Levels of the output lines.
     lines: u64,
     outputs: [Output; MAX_COILS],
@@ -88,6 +94,8 @@ impl<'t> Coils<'t> {
             peaks_from: Micros(0),
             ending: 0,
             uncounted: 0,
+            uncounted_twice: 0,
+            between_us: [0; MAX_COILS],
             lines: 0,
             outputs: [NO_OUTPUT; MAX_COILS],
             n_outputs: 0,
@@ -117,7 +125,7 @@ impl<'t> Coils<'t> {
     /// Makes ready for the outputs of a profile after a start. The supply counts as exhausted: it is unknown what
     /// flowed just before.
     pub(super) fn configure(&mut self, now: Micros, profile: &Profile) {
-        (self.n_taken, self.n_outputs, self.uncounted) = (0, 0, 0);
+        (self.n_taken, self.n_outputs, self.uncounted, self.uncounted_twice) = (0, 0, 0, 0);
         self.supply = profile.supply;
         let room = self.switched.room(now, &self.supply);
         self.switched.note(now, room);
@@ -218,8 +226,7 @@ impl<'t> Coils<'t> {
     /// Lets time pass: ends peaks and pulses, and finds the coil that carries current for too long.
     pub(super) fn pass(&mut self, now: Micros) -> Result<(), FaultKind> {
         let ending = core::mem::take(&mut self.ending);
-        // That a coil was on for too long no longer matters: it goes off.
-        let _ = self.note_switched(now, ending, true);
+        self.note_switched(now, ending, true);
         self.count_in_turn(now)?;
         let mut ended = 0;
         for (index, bit) in Bits::of(self.pulsing | self.peaking) {
@@ -229,18 +236,21 @@ impl<'t> Coils<'t> {
             }
         }
         // After its peak a coil holds: current flows on. That of a latch ends.
-        let counted = self.note_switched(now, ended & self.pulsing, true);
+        self.note_switched(now, ended & self.pulsing, true);
         self.pulsing &= !ended;
         self.peaking &= !ended;
         self.show(ended);
-        counted
+        Ok(())
     }
 
     /// Lets the next meters count.
     #[inline(always)]
     fn count_in_turn(&mut self, now: Micros) -> Result<(), FaultKind> {
-        let fed = self.fed();
+        let (fed, mut spans) = (self.fed(), SPANS_A_TICK);
         for _ in 0..METERS_A_TICK.min(self.n_outputs) {
+            let own = 1 + (self.uncounted >> self.next & 1) + (self.uncounted_twice >> self.next & 1);
+            let Some(left) = spans.checked_sub(own as usize) else { break };
+            spans = left;
             self.count(now, self.next, fed >> self.next & 1 == 1)?;
             let next = self.next.wrapping_add(1);
             self.next = if next < self.n_outputs { next } else { 0 };
@@ -258,19 +268,27 @@ impl<'t> Coils<'t> {
         self.uncounted | self.ending == 0
     }
 
-    /// Current begins or ends now in these coils, all of which were `fed` before, or none. Where it has begun or ended
-    /// before since the meter counted, the meter counts.
-    fn note_switched(&mut self, now: Micros, coils: u64, fed: bool) -> Result<(), FaultKind> {
-        let mut counted = Ok(());
+    /// Current begins or ends now in these coils, all of which were `fed` before, or none.
+    fn note_switched(&mut self, now: Micros, coils: u64, fed: bool) {
         for (index, bit) in Bits::of(coils) {
-            if self.uncounted & bit != 0 {
-                counted = counted.and(self.count(now, index, fed));
-            } else if let Some(output) = self.outputs.get_mut(index) {
+            let Some((output, between_us)) = self.outputs.get_mut(index).zip(self.between_us.get_mut(index)) else {
+                continue;
+            };
+            if self.uncounted & bit == 0 {
                 output.switched = now;
                 self.uncounted |= bit;
+            } else if self.uncounted_twice & bit == 0 {
+                // Its meter has its turn long before.
+                *between_us = u16::try_from((now - output.switched).0).unwrap_or(u16::MAX);
+                self.uncounted_twice |= bit;
+            } else {
+                // Fed before, off and on again: as if it had been fed all the time until now. Else as if from the first time on.
+                if fed {
+                    output.switched = now;
+                }
+                self.uncounted_twice &= !bit;
             }
         }
-        counted
     }
 
     /// Lets the meter of one output, which is `fed` or not, count up to now.
@@ -281,9 +299,15 @@ impl<'t> Coils<'t> {
             return Ok(());
         };
         let (bit, mut before) = (bit_of(index as u8), Ok(()));
+        if self.uncounted_twice & bit != 0 {
+            self.uncounted_twice &= !bit;
+            before = meter.pass(output.switched - output.counted, fed, &output.limit);
+            output.counted = output.switched;
+            output.switched = output.switched + Micros(self.between_us.get(index).copied().unwrap_or_default().into());
+        }
         if self.uncounted & bit != 0 {
             self.uncounted &= !bit;
-            before = meter.pass(output.switched - output.counted, !fed, &output.limit);
+            before = before.and(meter.pass(output.switched - output.counted, !fed, &output.limit));
             output.counted = output.switched;
         }
         let span = now - output.counted;
@@ -339,8 +363,8 @@ impl<'t> Coils<'t> {
         self.pulsing |= self.latches & coils;
         self.peaking = self.peaking & !coils | self.peaks & on;
         let fed_now = self.fed();
-        let ended = self.note_switched(now, fed & !fed_now, true);
-        ended.and(self.note_switched(now, fed_now & !fed, false))?;
+        self.note_switched(now, fed & !fed_now, true);
+        self.note_switched(now, fed_now & !fed, false);
         for (index, _) in Bits::of(coils & (self.pulsing | self.peaking)) {
             if let Some(output) = self.outputs.get_mut(index) {
                 if now < output.peak_from {
