@@ -52,10 +52,9 @@ pub trait Chain {
     /// Enables or disables all outputs, in one edge and after the last [`Chain::shift`] has been latched.
     fn set_enabled(&mut self, enabled: bool);
 
-    /// Whether the pin of output enable has the level that disables the outputs. `None` where nobody reads it.
-    fn reads_disabled(&mut self) -> Option<bool> {
-        None
-    }
+    /// Whether the pin of output enable has the level that disables the outputs. `None` where nobody reads it: then an enable that
+    /// does not follow the board is not detected.
+    fn reads_disabled(&mut self) -> Option<bool>;
 }
 
 /// The four pins of a chain.

@@ -114,6 +114,10 @@ mod tests {
         fn shift(&mut self, _: u64) {}
 
         fn set_enabled(&mut self, _: bool) {}
+
+        fn reads_disabled(&mut self) -> Option<bool> {
+            None
+        }
     }
 
     impl Pins for NoPins {

@@ -227,6 +227,9 @@ impl super::Chain for Driven {
     fn set_enabled(&mut self, enabled: bool) {
         self.enabled = enabled;
     }
+    fn reads_disabled(&mut self) -> Option<bool> {
+        None
+    }
 }
 
 #[test]

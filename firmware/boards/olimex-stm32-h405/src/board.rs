@@ -198,6 +198,12 @@ impl Chain for BoardPins {
     fn set_enabled(&mut self, enabled: bool) {
         set(ENABLE, !enabled);
     }
+
+    /// RM0090, 8.4.5: the input register has the level at the pin, of an output as well. The emulator has none.
+    fn reads_disabled(&mut self) -> Option<bool> {
+        let (port, pin) = ENABLE;
+        (!emulated()).then(|| port.idr().read().0 >> pin & 1 == 1)
+    }
 }
 
 impl Pins for BoardPins {
