@@ -248,8 +248,12 @@ impl<'t> Coils<'t> {
     fn count_in_turn(&mut self, now: Micros) -> Result<(), FaultKind> {
         let (fed, mut spans) = (self.fed(), SPANS_A_TICK);
         for _ in 0..METERS_A_TICK.min(self.n_outputs) {
-            let own = 1 + (self.uncounted >> self.next & 1) + (self.uncounted_twice >> self.next & 1);
-            let Some(left) = spans.checked_sub(own as usize) else { break };
+            let own = match (self.uncounted >> self.next & 1, self.uncounted_twice >> self.next & 1) {
+                (0, _) => 1,
+                (_, 0) => 2,
+                _ => 3,
+            };
+            let Some(left) = spans.checked_sub(own) else { break };
             spans = left;
             self.count(now, self.next, fed >> self.next & 1 == 1)?;
             let next = self.next.wrapping_add(1);

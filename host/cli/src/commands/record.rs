@@ -135,11 +135,8 @@ impl Answer for Recorded {
     fn text(&self) -> String {
         let mut lines: Vec<String> = self.findings.iter().map(|finding| format!("note: {finding}")).collect();
         if !self.not_recovered.is_empty() {
-            let visits: Vec<String> = self.not_recovered.iter().map(usize::to_string).collect();
-            lines.push(format!(
-                "note: no camera measurement of the arm certainly at rest at visits {}",
-                visits.join(", ")
-            ));
+            let visits = ranges(&self.not_recovered);
+            lines.push(format!("note: no camera measurement of the arm certainly at rest at visits {visits}"));
         }
         lines.push(format!(
             "{} of {} visits measured from {} camera measurements, in {}; board clock: offset ±{:.1} ms, rate {:+.0} ±{:.0} ppm",
@@ -230,6 +227,8 @@ impl Record {
         ui: Ui,
     ) -> anyhow::Result<()> {
         let not_recovered = recording.not_recovered();
+        let lost_at = recording.lost_at.filter(|_| !not_recovered.is_empty());
+        let lost_camera = lost_at.map(|_| recording.lost_camera());
         let lost_connections = std::mem::take(&mut recording.program.lost_connections);
         let Recording { tracker, program, camera, .. } = &recording;
         let (rate, clock) = (program.client.clock().rate(), program.client.clock().offset());
@@ -272,9 +271,21 @@ impl Record {
         })?;
         match end {
             End::Fault(fault) => Err(SafeState(fault.to_string()).into()),
-            End::Finished | End::Stopped => unfinished.map_or(Ok(()), |unfinished| Err(unfinished.into())),
+            End::Finished | End::Stopped => {
+                lost_camera.map_or(Ok(()), Err)?;
+                unfinished.map_or(Ok(()), |unfinished| Err(unfinished.into()))
+            }
         }
     }
+}
+
+/// Numbers in increasing order, those that follow each other as a range: `3, 40 to 167`.
+fn ranges(numbers: &[usize]) -> String {
+    let of = |run: &[usize]| match run {
+        [first, .., last] if run.len() > 2 => format!("{first} to {last}"),
+        _ => run.iter().map(usize::to_string).collect::<Vec<_>>().join(", "),
+    };
+    numbers.chunk_by(|a, b| a + 1 == *b).map(of).collect::<Vec<_>>().join(", ")
 }
 
 /// A program that the board holds, to be played and measured for another command.
@@ -295,11 +306,12 @@ impl Measurement<'_> {
         interrupt: &interrupt::InterruptHandler,
         on_visit: impl FnMut(usize),
     ) -> anyhow::Result<Vec<Sample>> {
-        let camera = Camera::open(self.camera)?;
+        let mut camera = Camera::open(self.camera)?;
+        camera.wait_for_new()?;
         let output = Output::create(self.output)?;
         let (tracker, monitor) = start(self.visits, &mut client, interrupt)?;
         let program = Program::new(client, monitor, interrupt.clone(), reconnect_timeout(self.visits), self.ui);
-        let mut recording = Recording::new(tracker, program, camera, output, 0);
+        let mut recording = Recording::new(tracker, program, camera, output, 0).stopping_without_camera();
         let end = recording.until_the_end(on_visit);
         let pictures = recording.camera.count();
         let samples = recording.output.finish()?;

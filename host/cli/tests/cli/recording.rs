@@ -114,6 +114,11 @@ fn compressed_and_logged_recordings_are_readable_at_any_moment() {
     }
 }
 
+/// The socket of the camera of a simulated board.
+fn camera(board: &Board) -> String {
+    board.port.trim_start_matches("--port unix:").replace("/port", "/camera")
+}
+
 /// Writes what a camera sends to an MCAP log, in chunks as they come, until the camera ends.
 fn log_camera(socket: &str, file: PathBuf) {
     let camera = BufReader::new(UnixStream::connect(socket).unwrap());
@@ -139,8 +144,7 @@ fn a_log_that_another_program_writes_meanwhile_is_the_camera() {
     home.succeeds(&format!("table {arm} --words 000010000000 000001000000 000011000000 --dwell 0.4 -o three.darm"));
     let board = Board::start(&home, &arm);
     home.succeeds(&format!("upload three.darm {}", board.port));
-    let socket = board.port.trim_start_matches("--port unix:").replace("/port", "/camera");
-    log_camera(&socket, home.path("poses.mcap"));
+    log_camera(&camera(&board), home.path("poses.mcap"));
     let recorded = home.json(&format!("record three.darm --camera poses.mcap -o run.csv {}", board.port));
     assert_eq!(recorded["end"], "finished", "{recorded}");
     let words: Vec<String> =
@@ -148,7 +152,7 @@ fn a_log_that_another_program_writes_meanwhile_is_the_camera() {
     assert_eq!(words, ["000010000000", "000001000000", "000011000000"]);
 }
 
-/// A cable between a host and a board that can be pulled.
+/// A cable between a host and a board or its camera that can be pulled.
 struct Cable {
     port: PathBuf,
     ends: Arc<Mutex<Vec<UnixStream>>>,
@@ -157,9 +161,17 @@ struct Cable {
 impl Cable {
     /// A port in this home behind which the board is.
     fn to(home: &Home, board: &Board) -> Self {
+        Self::to_socket(home, board.port.trim_start_matches("--port unix:").to_owned())
+    }
+
+    /// The same to the camera of the board.
+    fn to_camera(home: &Home, board: &Board) -> Self {
+        Self::to_socket(home, camera(board))
+    }
+
+    fn to_socket(home: &Home, board: String) -> Self {
         let port = home.path("cable");
         let listener = UnixListener::bind(&port).unwrap();
-        let board = board.port.trim_start_matches("--port unix:").to_owned();
         let ends = Arc::new(Mutex::new(Vec::new()));
         let kept = Arc::clone(&ends);
         thread::spawn(move || {
@@ -201,6 +213,47 @@ fn a_recording_survives_an_unplugged_cable_and_reports_it() {
     let missing = said["not_recovered"].as_array().unwrap().len();
     assert_eq!(rows(&home, "run.csv").len() + missing, 6, "{said}");
     assert!(missing < 3, "{said}");
+}
+
+#[test]
+fn a_recording_whose_camera_ends_fails_and_names_the_visits() {
+    let home = Home::new();
+    let board = board(&home);
+    let cable = Cable::to_camera(&home, &board);
+    let child = recording(&home, &format!("--camera unix:{} -o run.csv {}", cable.port.display(), board.port));
+    first_row(&home, "run.csv");
+    cable.pull();
+    let ended = child.wait_with_output().unwrap();
+    let said = text(&ended.stderr);
+    assert_eq!(ended.status.code(), Some(1), "{said}");
+    assert!(said.contains("/cable ended or fell silent at visit ") && said.contains("are missing: start it"), "{said}");
+    assert!(text(&ended.stdout).contains(" to 5"), "{}", text(&ended.stdout));
+}
+
+/// A look is measured again, and not diagnosed with the rows before the end.
+#[test]
+fn a_calibration_whose_camera_ends_stops_the_arm_and_keeps_no_look() {
+    let home = Home::new();
+    let (arm, frames) = (example("planar4.toml"), example("planar4-frames.toml"));
+    let board = Board::start(&home, &arm);
+    let cable = Cable::to_camera(&home, &board);
+    let line =
+        |poses: &str| format!("calibrate {arm} {frames} --dwell 0.1 --folder cal --poses {poses} {}", board.port);
+    let camera = format!("unix:{}", cable.port.display());
+    let mut command = home.command(&line(&camera));
+    let child = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    first_row(&home, "cal/measuring.csv");
+    cable.pull();
+    let ended = child.wait_with_output().unwrap();
+    let said = text(&ended.stderr);
+    assert!(!ended.status.success() && said.contains("the arm is stopped. Start it again"), "{said}");
+    assert!(!home.path("cal/look-01.csv").exists());
+    let status = home.json(&format!("status {}", board.port));
+    assert_eq!(status["phase"], "idle", "{status}");
+    // A source that ended before moves nothing.
+    home.write("old.csv", "time_s,x_m,y_m,angle_deg\n1000000000,0,4,0\n");
+    let said = text(&home.darm(&line("old.csv")).stderr);
+    assert!(said.contains("the newest measurement of the camera old.csv is "), "{said}");
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use darm_core::output::ActuatorWiring;
-use darm_core::sequencer::Event;
+use darm_core::sequencer::{Command, Event};
 use darm_device::client::{Client, TimedEvent};
 use darm_device::strokes::{SentRow, stroke_times};
 use darm_diagnose::measurement::Sample;
@@ -39,6 +39,10 @@ pub(crate) struct Recording<'a> {
     rows: Vec<SentRow>,
     /// Why no more measurements arrive.
     camera_error: Option<CameraError>,
+    /// The visit at which the camera ended within the program.
+    pub(crate) lost_at: Option<usize>,
+    /// The arm is stopped then.
+    stops_without_camera: bool,
 }
 
 impl<'a> Recording<'a> {
@@ -59,7 +63,14 @@ impl<'a> Recording<'a> {
             actuators: Vec::new(),
             rows: Vec::new(),
             camera_error: None,
+            lost_at: None,
+            stops_without_camera: false,
         }
+    }
+
+    /// The same, which stops the arm where the camera ends.
+    pub(crate) fn stopping_without_camera(self) -> Self {
+        Self { stops_without_camera: true, ..self }
     }
 
     /// The same with the times of the strokes of these actuators.
@@ -75,6 +86,7 @@ impl<'a> Recording<'a> {
             let interrupted = self.program.interrupt.interrupted().is_some();
             let polled = self.poll();
             on_visit(self.tracker.next);
+            let polled = polled.and_then(|()| self.look_at_camera());
             match (polled, self.program.monitor.end) {
                 (Ok(()), Some(end)) => break Ok(end),
                 _ if interrupted => break Ok(End::Stopped),
@@ -89,6 +101,36 @@ impl<'a> Recording<'a> {
         let end = end?;
         self.camera_error.take().map_or(camera, Err)?;
         Ok(end)
+    }
+
+    /// Notes where the camera ended within the program.
+    fn look_at_camera(&mut self) -> anyhow::Result<()> {
+        let (Some(start_s), None) = (self.start_unix_s(), self.program.monitor.end) else { return Ok(()) };
+        let is_lost = self.camera_error.is_some() || self.camera.has_ended(start_s);
+        if self.lost_at.is_none() && is_lost && (self.stops_without_camera || !self.camera.is_file()) {
+            self.lost_at = Some(self.tracker.next);
+        }
+        if self.stops_without_camera && self.lost_at.is_some() {
+            self.program.client.command(Command::Stop)?;
+            return Err(self.lost_camera().into());
+        }
+        Ok(())
+    }
+
+    /// When row 0 was applied, Unix time.
+    fn start_unix_s(&self) -> Option<f64> {
+        let (start_s, offset) = (self.tracker.start_s?, self.program.client.clock().offset()?);
+        Some(start_s + offset.at_s + unix_less_host_s())
+    }
+
+    /// That the camera ended.
+    pub(crate) fn lost_camera(&self) -> CameraError {
+        let (visit, all) = (self.lost_at.unwrap_or(self.tracker.next), self.tracker.visits.rests.len());
+        let then = match self.stops_without_camera {
+            true => "the arm is stopped. Start it again and repeat the command: this look is measured again",
+            false => "visits after it are missing: start it again, and record into another file",
+        };
+        CameraError::Lost { camera: self.camera.name().to_owned(), visit, all, then }
     }
 
     fn poll(&mut self) -> anyhow::Result<()> {

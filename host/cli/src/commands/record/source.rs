@@ -8,15 +8,21 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
+use darm_device::clock::host_now_s;
 use darm_diagnose::measurement::log::{self, LogError};
 use darm_diagnose::measurement::mcap::McapError;
 
-use crate::commands::camera::{Columns, LineError, Picture};
+use crate::commands::camera::{Columns, LineError, Picture, unix_less_host_s};
 
 /// Timeout of one read from the camera's socket.
 const POLL: Duration = Duration::from_millis(100);
+/// A camera that has sent nothing for this time has ended.
+const SILENT_S: f64 = 5.0;
+/// Time until a camera has to send a measurement that is not older than [`NEW_S`].
+const FIRST_WITHIN: Duration = Duration::from_secs(5);
+const NEW_S: f64 = 2.0;
 
 /// Why no camera measurement can be read.
 #[derive(Debug, thiserror::Error)]
@@ -47,6 +53,28 @@ pub(crate) enum CameraError {
         /// What is wrong.
         error: LineError,
     },
+    /// It ended within a program.
+    #[error("the camera {camera} ended or fell silent at visit {visit} of {all}; {then}")]
+    Lost {
+        /// As the user named it.
+        camera: String,
+        /// The first visit that it may have missed.
+        visit: usize,
+        /// All of the program.
+        all: usize,
+        /// What became of the arm, and what to do.
+        then: &'static str,
+    },
+    /// It sends nothing new.
+    #[error(
+        "the newest measurement of the camera {camera} is {age_s:.0} s old; does a program write it, and is its time_s Unix time?"
+    )]
+    Old {
+        /// As the user named it.
+        camera: String,
+        /// Age of the newest one, s.
+        age_s: f64,
+    },
     /// Nothing was received.
     #[error("the camera {camera} sent nothing, not even its header; check the camera program")]
     Silent {
@@ -67,6 +95,8 @@ pub(crate) struct Camera {
     pictures: Vec<Picture>,
     /// Number of received measurements.
     count: usize,
+    /// Time of the last one, Unix time.
+    newest_s: Option<f64>,
 }
 
 enum Kind {
@@ -100,7 +130,27 @@ impl Camera {
 
     fn of_kind(name: &str, kind: Kind) -> Self {
         let name = name.to_owned();
-        Self { name, kind, rest: Vec::new(), columns: None, line: 0, pictures: Vec::new(), count: 0 }
+        Self { name, kind, rest: Vec::new(), columns: None, line: 0, pictures: Vec::new(), count: 0, newest_s: None }
+    }
+
+    /// Waits for a measurement that was made just now: a source that has ended would move the arm for nothing.
+    pub(crate) fn wait_for_new(&mut self) -> Result<(), CameraError> {
+        let begin = Instant::now();
+        loop {
+            self.poll()?;
+            let age_s = self.newest_s.map(|newest_s| unix_s() - newest_s);
+            match age_s {
+                Some(age_s) if age_s < NEW_S => return Ok(()),
+                _ if begin.elapsed() < FIRST_WITHIN => thread::sleep(POLL),
+                Some(age_s) => return Err(CameraError::Old { camera: self.name.clone(), age_s }),
+                None => return Err(CameraError::Silent { camera: self.name.clone() }),
+            }
+        }
+    }
+
+    /// Whether it has ended: the other end of a socket has closed it, or nothing new comes since Unix time `from_s`.
+    pub(crate) fn has_ended(&self, from_s: f64) -> bool {
+        self.is_closed() || unix_s() - self.newest_s.unwrap_or(from_s).max(from_s) > SILENT_S
     }
 
     /// Whether the source is a file, which keeps its measurements.
@@ -186,11 +236,17 @@ impl Camera {
             Some(columns) => {
                 let picture = columns.picture(text).map_err(wrong)?;
                 self.count += usize::from(picture.is_some());
+                self.newest_s = picture.as_ref().map(|picture| picture.time_s).or(self.newest_s);
                 self.pictures.extend(picture);
             }
         }
         Ok(())
     }
+}
+
+/// Now, Unix time.
+fn unix_s() -> f64 {
+    host_now_s() + unix_less_host_s()
 }
 
 /// The rows of a log that were not taken yet, before the first of them the header. A log that is being written may end early.
