@@ -1,25 +1,19 @@
 //! Coils of one board: which carry current, since when, and which lines that makes high.
 //!
 //! Coils are numbered by the output that feeds them. A tick touches what changes: coils that switch, peaks and pulses
-//! that end, and [`METERS_A_TICK`] meters in turn, also those of outputs that no table uses. When a coil switched is only
-//! noted: its meter counts in its turn what flowed before and after, so that no row makes a tick long. Two edges are noted; where
-//! a third comes before the meter's turn, the pause between two currents counts as current.
+//! that end, and some [meters](meters) in turn, also those of outputs that no table uses.
 
 mod manual;
+mod meters;
 mod output;
 
 use super::FaultKind;
 use super::bits::{Bits, first_of};
-use crate::duty::{Breach, DutyMeters, MeterLimit};
+use crate::duty::{DutyMeters, MeterLimit};
 use crate::output::{Coil, Drive, MAX_ACTUATORS, MAX_COILS, SwitchClock, SwitchLimit, Wiring};
 use crate::profile::Profile;
 use crate::units::{Micros, Word};
 use output::{NO_OUTPUT, Output, Wires, bit_of, limit_of};
-
-/// Meters that count in turn in one tick.
-const METERS_A_TICK: usize = 6;
-/// Spans that they count at most: of a coil whose current begins and ends between two of its turns there are three.
-const SPANS_A_TICK: usize = 12;
 
 /// State of all coils. Sets of coils are masks: bit `o` is the coil of output `o`.
 #[derive(Debug)]
@@ -243,83 +237,9 @@ impl<'t> Coils<'t> {
         Ok(())
     }
 
-    /// Lets the next meters count.
-    #[inline(always)]
-    fn count_in_turn(&mut self, now: Micros) -> Result<(), FaultKind> {
-        let (fed, mut spans) = (self.fed(), SPANS_A_TICK);
-        for _ in 0..METERS_A_TICK.min(self.n_outputs) {
-            let own = match (self.uncounted >> self.next & 1, self.uncounted_twice >> self.next & 1) {
-                (0, _) => 1,
-                (_, 0) => 2,
-                _ => 3,
-            };
-            let Some(left) = spans.checked_sub(own) else { break };
-            spans = left;
-            self.count(now, self.next, fed >> self.next & 1 == 1)?;
-            let next = self.next.wrapping_add(1);
-            self.next = if next < self.n_outputs { next } else { 0 };
-        }
-        Ok(())
-    }
-
     /// Coils that carry current.
     fn fed(&self) -> u64 {
         self.on & !self.latches | self.pulsing
-    }
-
-    /// Whether every meter has counted all that has flowed, as is so a few ticks after coils have switched.
-    pub(super) fn is_counted(&self) -> bool {
-        self.uncounted | self.ending == 0
-    }
-
-    /// Current begins or ends now in these coils, all of which were `fed` before, or none.
-    fn note_switched(&mut self, now: Micros, coils: u64, fed: bool) {
-        for (index, bit) in Bits::of(coils) {
-            let Some((output, between_us)) = self.outputs.get_mut(index).zip(self.between_us.get_mut(index)) else {
-                continue;
-            };
-            if self.uncounted & bit == 0 {
-                output.switched = now;
-                self.uncounted |= bit;
-            } else if self.uncounted_twice & bit == 0 {
-                // Its meter has its turn long before.
-                *between_us = u16::try_from((now - output.switched).0).unwrap_or(u16::MAX);
-                self.uncounted_twice |= bit;
-            } else {
-                // Fed before, off and on again: as if it had been fed all the time until now. Else as if from the first time on.
-                if fed {
-                    output.switched = now;
-                }
-                self.uncounted_twice &= !bit;
-            }
-        }
-    }
-
-    /// Lets the meter of one output, which is `fed` or not, count up to now.
-    // One copy, with the meter's code in it: 3 % less in the longest tick of 12 coils.
-    #[inline(never)]
-    fn count(&mut self, now: Micros, index: usize, fed: bool) -> Result<(), FaultKind> {
-        let Some((output, meter)) = self.outputs.get_mut(index).zip(self.used.meters.get_mut(index)) else {
-            return Ok(());
-        };
-        let (bit, mut before) = (bit_of(index as u8), Ok(()));
-        if self.uncounted_twice & bit != 0 {
-            self.uncounted_twice &= !bit;
-            before = meter.pass(output.switched - output.counted, fed, &output.limit);
-            output.counted = output.switched;
-            output.switched = output.switched + Micros(self.between_us.get(index).copied().unwrap_or_default().into());
-        }
-        if self.uncounted & bit != 0 {
-            self.uncounted &= !bit;
-            before = before.and(meter.pass(output.switched - output.counted, !fed, &output.limit));
-            output.counted = output.switched;
-        }
-        let span = now - output.counted;
-        output.counted = now;
-        before.and(meter.pass(span, fed, &output.limit)).map_err(|breach| match breach {
-            Breach::OnTooLong => FaultKind::OnTooLong { output: index as u8 },
-            Breach::Duty => FaultKind::Duty { output: index as u8 },
-        })
     }
 
     /// Sets all digits at once, as a row says. The feed is counted at the row's own time `due`, which no late tick moves.

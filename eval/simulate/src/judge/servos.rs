@@ -14,7 +14,7 @@ const SPEED: u8 = 46;
 const PRESENT: u8 = 56;
 /// A goal this near to a position that was seen lately holds it and moves nothing, steps: 1.4°.
 const HOLD_STEPS: u16 = 16;
-/// A servo is on its way beyond so many steps from its goal: 0.1 rad, more than any that holds gives way.
+/// A servo is on its way beyond this distance from its goal, steps: 0.1 rad, more than any that holds gives way.
 const UNDER_WAY_STEPS: u16 = 65;
 /// A goal is the requested one when it is this near, steps.
 const GOAL_STEPS: u16 = 2;

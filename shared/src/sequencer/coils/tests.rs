@@ -3,7 +3,8 @@
 extern crate std;
 use std::boxed::Box;
 
-use super::{Coils, MAX_COILS, METERS_A_TICK};
+use super::meters::METERS_A_TICK;
+use super::{Coils, MAX_COILS};
 use crate::duty::DutyMeter;
 use crate::output::{CoilLimit, Drive};
 use crate::profile::{Output, Profile};
