@@ -24,12 +24,25 @@ pub(super) fn arm(source: &Source) -> Result<(Arm, Places), ArmError> {
     let head: RawHead = source.parse()?;
     let found = *head.format.get_ref();
     if found != FORMAT {
-        return Err(source.wrong(head.format.span(), ArmFault::Format { found }));
+        let fault = other_kind(&source.parse()?).unwrap_or(ArmFault::Format { found });
+        return Err(source.wrong(head.format.span(), fault));
     }
     let raw: RawArm = source.parse()?;
     let (mut arm, places) = build(&raw).map_err(|(span, fault)| source.wrong(span, fault))?;
     arm.profile = raw.profile.map(|named| source.companion(&named));
     Ok((arm, places))
+}
+
+/// That a file is of another kind, by a table that no arm has.
+fn other_kind(file: &toml::Table) -> Option<ArmFault> {
+    let kinds = [
+        ("frame", "desired frames"),
+        ("contact", "contacts of a grasp"),
+        ("output", "the outputs of a board: a profile"),
+        ("row", "rows of a Denavit-Hartenberg table"),
+    ];
+    let (_, holds) = kinds.into_iter().find(|(table, _)| file.contains_key(*table))?;
+    Some(ArmFault::OtherKind { holds })
 }
 
 fn build(raw: &RawArm) -> Checked<(Arm, Places)> {

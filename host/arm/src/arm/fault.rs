@@ -15,6 +15,12 @@ pub enum ArmFault {
         /// The number in the file.
         found: u32,
     },
+    /// The file is none of an arm.
+    #[error("the file holds {holds}, and no arm; give the arm file: where a command takes both, it comes first")]
+    OtherKind {
+        /// What it holds.
+        holds: &'static str,
+    },
     /// A number has to be above zero, and of a size that can be computed with.
     #[error("{key} is {value}; give a number above zero, at most 1e9")]
     NotPositive {

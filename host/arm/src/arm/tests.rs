@@ -191,6 +191,19 @@ fn the_profile_is_named_by_its_path_from_the_arm_file() {
 }
 
 #[test]
+fn a_file_of_another_kind_is_no_old_arm() {
+    for (file, holds) in [
+        ("planar4-frames.toml", "4:10: the file holds desired frames, and no arm"),
+        ("grasp-contacts.toml", "2:10: the file holds contacts of a grasp, and no arm"),
+        ("planar4.profile.toml", "4:10: the file holds the outputs of a board: a profile, and no arm"),
+    ] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples").join(file);
+        let error = Arm::read(&path).unwrap_err().to_string();
+        assert!(error.contains(holds), "{error}");
+    }
+}
+
+#[test]
 fn mistakes_are_told_by_line_and_column() {
     let cases = [
         ("format = 2", "format = 3", "5:10: the file has format 3, this program reads format 2"),

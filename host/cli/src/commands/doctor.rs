@@ -38,7 +38,7 @@ pub(crate) struct Doctor {
     #[command(flatten)]
     port: PortArgs,
     /// Print the udev rule that lets a user open boards and probes, and check nothing
-    #[arg(long, conflicts_with = "port")]
+    #[arg(long)]
     udev_rule: bool,
 }
 

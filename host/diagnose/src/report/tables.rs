@@ -143,7 +143,7 @@ fn rest(d: &Diagnosis) -> Markup {
         @if let Some(next) = &d.next_measurement { (proposal(next)) }
         @if !d.unobservable.is_empty() { p { "Not identifiable from these data: " (d.unobservable.join("; ")) "." } }
         @if !d.outliers.is_empty() {
-            p { (d.outliers.len()) " outliers: lines " @for row in d.outliers.iter().take(MAX_LINES) { (row.line) " " } }
+            p { (d.outliers.len()) " outliers: lines " @for row in d.outliers.iter().take(MAX_LINES) { (row.line) " " } @if d.outliers.len() > MAX_LINES { "…" } }
         }
     }
 }
