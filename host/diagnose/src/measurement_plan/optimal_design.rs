@@ -30,7 +30,7 @@ pub fn informative_first(covariance: DMatrix<f64>, measurements: &[DMatrix<f64>]
             }
             measurement.learn(&chosen, n_rows);
         };
-        let next = Chosen::new(&all[best], best, n_rows);
+        let next = Chosen::new(&mut all[best], best, n_rows);
         n_rows += next.rows();
         chosen.push(next);
     }
@@ -54,9 +54,9 @@ struct Measurement<'a> {
 }
 
 /// A measurement that was chosen.
-struct Chosen {
+struct Chosen<'a> {
     number: usize,
-    slopes: DMatrix<f64>,
+    slopes: &'a DMatrix<f64>,
     factor: DMatrix<f64>,
     root: Cholesky<f64, Dyn>,
 }
@@ -90,27 +90,31 @@ impl<'a> Measurement<'a> {
 
     /// Takes in those chosen ones, of `n_rows` together, that it does not know yet.
     fn learn(&mut self, chosen: &[Chosen], n_rows: usize) {
-        let mut factor = std::mem::replace(&mut self.factor, DMatrix::zeros(0, 0)).resize_vertically(n_rows, 0.0);
+        let mut factor = self.take_factor(n_rows);
         for one in &chosen[self.n_known..] {
             let before = one.factor.nrows();
-            let mut cross = &one.slopes * &self.spread - one.factor.tr_mul(&factor.rows(0, before));
+            let mut cross = one.slopes * &self.spread - one.factor.tr_mul(&factor.rows(0, before));
             one.root.l_dirty().solve_lower_triangular_mut(&mut cross);
             self.left -= cross.tr_mul(&cross);
             factor.rows_mut(before, one.rows()).copy_from(&cross);
         }
         (self.factor, self.n_known, self.gain) = (factor, chosen.len(), self.left.determinant().ln());
     }
+
+    /// Its columns of the factorisation, with room for this number of rows.
+    fn take_factor(&mut self, n_rows: usize) -> DMatrix<f64> {
+        std::mem::replace(&mut self.factor, DMatrix::zeros(0, 0)).resize_vertically(n_rows, 0.0)
+    }
 }
 
-impl Chosen {
-    /// A measurement that knows all that were chosen before, of `n_rows` together.
-    fn new(measurement: &Measurement, number: usize, n_rows: usize) -> Self {
+impl<'a> Chosen<'a> {
+    /// A measurement that knows all that were chosen before, of `n_rows` together, and is open no longer.
+    fn new(measurement: &mut Measurement<'a>, number: usize, n_rows: usize) -> Self {
         let n = measurement.left.nrows();
         // What is left is at least the identity.
         let root =
             Cholesky::new(measurement.left.clone()).unwrap_or_else(|| Cholesky::pack_dirty(DMatrix::identity(n, n)));
-        let factor = measurement.factor.clone().resize_vertically(n_rows, 0.0);
-        Self { number, slopes: measurement.slopes.clone(), factor, root }
+        Self { number, slopes: measurement.slopes, factor: measurement.take_factor(n_rows), root }
     }
 
     fn rows(&self) -> usize {
