@@ -57,14 +57,10 @@ impl Sampling {
         if self.period_s > 0.0 { 1.0 / self.period_s } else { 0.0 }
     }
 
-    /// Whether the stamps are those of an even clock.
-    pub fn is_even(&self) -> bool {
-        self.clock == Clock::Even && self.jitter_s.is_some_and(|jitter_s| jitter_s < EVEN * self.period_s)
-    }
-
     /// What the owner of the log should know; `None` of even stamps without gaps.
     pub fn sentence(&self) -> Option<String> {
-        let is_even = self.is_even();
+        let is_small = |jitter_s: f64| jitter_s < EVEN * self.period_s;
+        let is_even = self.clock == Clock::Even && self.jitter_s.is_some_and(is_small);
         if is_even && self.n_lost == 0 {
             return None;
         }

@@ -64,7 +64,7 @@ fn lost_rows_are_counted_and_keep_their_times() {
 #[test]
 fn late_stamps_with_lost_rows_give_the_even_clock() {
     for draw in 0..40 {
-        // Of the last row none after it tells whether it is late or rows were lost.
+        // A late last row looks like one after lost rows.
         let is_last = |k: usize| k > 1990;
         let late = |k: usize| if is_last(k) { 0.0 } else { 0.6 * PERIOD_S * random(7000 * draw + k).abs().powi(3) };
         let is_lost = |k: usize| random(7000 * draw + 3000 + k) > 0.9;
