@@ -72,10 +72,11 @@ impl Coils<'_> {
         };
         let (bit, mut before) = (bit_of(index as u8), Ok(()));
         if self.uncounted_twice & bit != 0 {
+            let Some(&between_us) = self.between_us.get(index) else { return Ok(()) };
             self.uncounted_twice &= !bit;
             before = meter.pass(output.switched - output.counted, fed, &output.limit);
             output.counted = output.switched;
-            output.switched = output.switched + Micros(self.between_us.get(index).copied().unwrap_or_default().into());
+            output.switched = output.switched + Micros(between_us.into());
         }
         if self.uncounted & bit != 0 {
             self.uncounted &= !bit;
