@@ -135,10 +135,14 @@ impl Columns {
     }
 }
 
+/// Now, Unix time, in seconds.
+pub(crate) fn unix_now_s() -> f64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs_f64()
+}
+
 /// Unix time less the host's time of the links, in seconds.
 pub(crate) fn unix_less_host_s() -> f64 {
-    let unix_s = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs_f64();
-    unix_s - host_now_s()
+    unix_now_s() - host_now_s()
 }
 
 #[cfg(test)]

@@ -227,8 +227,7 @@ impl Record {
         ui: Ui,
     ) -> anyhow::Result<()> {
         let not_recovered = recording.not_recovered();
-        let lost_at = recording.lost_at.filter(|_| !not_recovered.is_empty());
-        let lost_camera = lost_at.map(|_| recording.lost_camera());
+        let lost_camera = recording.lost_camera.take().filter(|_| !not_recovered.is_empty());
         let lost_connections = std::mem::take(&mut recording.program.lost_connections);
         let Recording { tracker, program, camera, .. } = &recording;
         let (rate, clock) = (program.client.clock().rate(), program.client.clock().offset());

@@ -11,15 +11,12 @@ use darm_diagnose::measurement::Sample;
 use super::join::{Span, join};
 use super::output::Output;
 use super::program::{POLL, Program};
-use super::source::{Camera, CameraError};
+use super::source::{CAMERA_DELAY_S, Camera, CameraError};
 use super::visit_tracker::VisitTracker;
-use crate::commands::camera::unix_less_host_s;
+use crate::commands::camera::{unix_less_host_s, unix_now_s};
 use crate::commands::play::End;
 use crate::commands::status::seconds;
 use darm_diagnose::visits::Visits;
-
-/// Largest delay of a camera measurement.
-const CAMERA_DELAY_S: f64 = 2.0;
 
 /// A running recording.
 pub(crate) struct Recording<'a> {
@@ -39,8 +36,8 @@ pub(crate) struct Recording<'a> {
     rows: Vec<SentRow>,
     /// Why no more measurements arrive.
     camera_error: Option<CameraError>,
-    /// The visit at which the camera ended within the program.
-    pub(crate) lost_at: Option<usize>,
+    /// That the camera ended within the program.
+    pub(crate) lost_camera: Option<CameraError>,
     /// The arm is stopped then.
     stops_without_camera: bool,
 }
@@ -63,7 +60,7 @@ impl<'a> Recording<'a> {
             actuators: Vec::new(),
             rows: Vec::new(),
             camera_error: None,
-            lost_at: None,
+            lost_camera: None,
             stops_without_camera: false,
         }
     }
@@ -107,12 +104,17 @@ impl<'a> Recording<'a> {
     fn look_at_camera(&mut self) -> anyhow::Result<()> {
         let (Some(start_s), None) = (self.start_unix_s(), self.program.monitor.end) else { return Ok(()) };
         let is_lost = self.camera_error.is_some() || self.camera.has_ended(start_s);
-        if self.lost_at.is_none() && is_lost && (self.stops_without_camera || !self.camera.is_file()) {
-            self.lost_at = Some(self.tracker.next);
+        if self.lost_camera.is_some() || !is_lost {
+            return Ok(());
         }
-        if self.stops_without_camera && self.lost_at.is_some() {
+        if self.stops_without_camera {
             self.program.client.command(Command::Stop)?;
-            return Err(self.lost_camera().into());
+            let then = "the arm is stopped. Start it again and repeat the command: this look is measured again";
+            return Err(self.lost(then).into());
+        }
+        if !self.camera.is_file() {
+            let then = "visits after it are missing: start it again, and record into another file";
+            self.lost_camera = Some(self.lost(then));
         }
         Ok(())
     }
@@ -123,13 +125,9 @@ impl<'a> Recording<'a> {
         Some(start_s + offset.at_s + unix_less_host_s())
     }
 
-    /// That the camera ended.
-    pub(crate) fn lost_camera(&self) -> CameraError {
-        let (visit, all) = (self.lost_at.unwrap_or(self.tracker.next), self.tracker.visits.rests.len());
-        let then = match self.stops_without_camera {
-            true => "the arm is stopped. Start it again and repeat the command: this look is measured again",
-            false => "visits after it are missing: start it again, and record into another file",
-        };
+    /// That the camera ended now.
+    fn lost(&self, then: &'static str) -> CameraError {
+        let (visit, all) = (self.tracker.next, self.tracker.visits.rests.len());
         CameraError::Lost { camera: self.camera.name().to_owned(), visit, all, then }
     }
 
@@ -174,8 +172,7 @@ impl<'a> Recording<'a> {
     fn write(&mut self, end: bool) -> anyhow::Result<()> {
         while let Some(&(visit, span)) = self.waiting.front() {
             let seen = self.camera.pictures().last().is_some_and(|picture| picture.time_s >= span.to_s);
-            let unix_s = self.program.client.now_s() + unix_less_host_s();
-            let late = !self.camera.is_file() && unix_s > span.to_s + CAMERA_DELAY_S;
+            let late = !self.camera.is_file() && unix_now_s() > span.to_s + CAMERA_DELAY_S;
             if !(end || seen || late) {
                 break;
             }

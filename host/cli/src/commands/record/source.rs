@@ -10,19 +10,19 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use darm_device::clock::host_now_s;
 use darm_diagnose::measurement::log::{self, LogError};
 use darm_diagnose::measurement::mcap::McapError;
 
-use crate::commands::camera::{Columns, LineError, Picture, unix_less_host_s};
+use crate::commands::camera::{Columns, LineError, Picture, unix_now_s};
 
 /// Timeout of one read from the camera's socket.
 const POLL: Duration = Duration::from_millis(100);
+/// Largest delay of a camera measurement.
+pub(crate) const CAMERA_DELAY_S: f64 = 2.0;
 /// A camera that has sent nothing for this time has ended.
 const SILENT_S: f64 = 5.0;
-/// Time until a camera has to send a measurement that is not older than [`NEW_S`].
+/// Time until a camera has to send a measurement that was made just now.
 const FIRST_WITHIN: Duration = Duration::from_secs(5);
-const NEW_S: f64 = 2.0;
 
 /// Why no camera measurement can be read.
 #[derive(Debug, thiserror::Error)]
@@ -138,9 +138,9 @@ impl Camera {
         let begin = Instant::now();
         loop {
             self.poll()?;
-            let age_s = self.newest_s.map(|newest_s| unix_s() - newest_s);
+            let age_s = self.newest_s.map(|newest_s| unix_now_s() - newest_s);
             match age_s {
-                Some(age_s) if age_s < NEW_S => return Ok(()),
+                Some(age_s) if age_s < CAMERA_DELAY_S => return Ok(()),
                 _ if begin.elapsed() < FIRST_WITHIN => thread::sleep(POLL),
                 Some(age_s) => return Err(CameraError::Old { camera: self.name.clone(), age_s }),
                 None => return Err(CameraError::Silent { camera: self.name.clone() }),
@@ -150,7 +150,7 @@ impl Camera {
 
     /// Whether it has ended: the other end of a socket has closed it, or nothing new comes since Unix time `from_s`.
     pub(crate) fn has_ended(&self, from_s: f64) -> bool {
-        self.is_closed() || unix_s() - self.newest_s.unwrap_or(from_s).max(from_s) > SILENT_S
+        self.is_closed() || unix_now_s() - self.newest_s.unwrap_or(from_s).max(from_s) > SILENT_S
     }
 
     /// Whether the source is a file, which keeps its measurements.
@@ -242,11 +242,6 @@ impl Camera {
         }
         Ok(())
     }
-}
-
-/// Now, Unix time.
-fn unix_s() -> f64 {
-    host_now_s() + unix_less_host_s()
 }
 
 /// The rows of a log that were not taken yet, before the first of them the header. A log that is being written may end early.
