@@ -17,8 +17,10 @@ use std::error::Error;
 use std::fmt;
 use std::path::Path;
 
-use darm_device::client::ClientError;
+use darm_core::sequencer::Phase;
+use darm_core::wire::message::Refusal;
 use darm_device::client::stop::Confirmation;
+use darm_device::client::{Client, ClientError};
 use darm_device::link::LinkError;
 use serde_json::json;
 
@@ -49,6 +51,32 @@ pub(crate) struct Usage(pub(crate) String);
 #[derive(Debug, thiserror::Error)]
 #[error("the board is in its safe state: {0}; remove the cause, then run `darm stop --clear`")]
 pub(crate) struct SafeState(pub(crate) String);
+
+/// What a board does while it refuses a request, and what ends it.
+#[derive(Debug, PartialEq, Eq, thiserror::Error)]
+pub(crate) enum Occupied {
+    /// A person moves it.
+    #[error("the board refused: it is under manual control; `darm stop` ends it")]
+    Manual,
+    /// A program runs.
+    #[error("the board refused: a program runs; `darm stop` ends it")]
+    Program,
+}
+
+impl Occupied {
+    /// The error of a request, with what the board does where its status says so.
+    pub(crate) fn explain(client: &mut Client, error: ClientError) -> anyhow::Error {
+        let phase = match error {
+            ClientError::Refused(Refusal::Busy) => client.status().ok().map(|status| status.phase),
+            _ => None,
+        };
+        match phase {
+            Some(Phase::Manual) => Self::Manual.into(),
+            Some(Phase::Playing { .. } | Phase::Approaching { .. }) => Self::Program.into(),
+            _ => error.into(),
+        }
+    }
+}
 
 /// Number of lines of a script that the board refused.
 #[derive(Debug, thiserror::Error)]
@@ -172,7 +200,7 @@ fn code_of_cause(cause: &(dyn Error + 'static)) -> Option<u8> {
         Some(UNFINISHED)
     } else if cause.is::<Usage>() {
         Some(USAGE)
-    } else if cause.is::<SafeState>() || cause.is::<Refused>() {
+    } else if cause.is::<SafeState>() || cause.is::<Refused>() || cause.is::<Occupied>() {
         Some(REFUSED)
     } else if cause.is::<LinkError>() || cause.is::<PortError>() || cause.is::<NoAnswer>() {
         Some(NO_CONNECTION)

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
+use crate::failure::Occupied;
 use crate::port::PortArgs;
 use crate::ui::{Answer, Ui};
 use darm_arm::table_file::TableFile;
@@ -70,7 +71,8 @@ impl Upload {
         let image = file.image.image();
         let bar = ui.progress_bar("uploading", u64::from(image.len), "bytes");
         let start = Instant::now();
-        let rows = client.upload(&file.image, &mut |progress| bar.set_position(u64::from(progress.done)))?;
+        let uploaded = client.upload(&file.image, &mut |progress| bar.set_position(u64::from(progress.done)));
+        let rows = uploaded.map_err(|error| Occupied::explain(&mut client, error))?;
         bar.finish_and_clear();
         ui.print(&Uploaded {
             board: client.identity().board.to_string(),

@@ -46,6 +46,21 @@ fn a_program_that_starts_after_manual_control_is_followed_to_its_end() {
 }
 
 #[test]
+fn an_upload_under_manual_control_or_beside_a_program_names_the_command_that_ends_it() {
+    let home = Home::new();
+    let board = board(&home, 5.0);
+    let (port, refused) = (&board.port, "darm: the board refused: ");
+    home.types(&format!("console {port}"), "coil 3 on 5000\n");
+    let manual = format!("{refused}it is under manual control; `darm stop` ends it");
+    home.fails(&format!("upload six.darm {port}"), 3, &manual);
+    home.succeeds(&format!("stop {port}"));
+    home.succeeds(&format!("upload six.darm {port}"));
+    home.succeeds(&format!("play --detach {port}"));
+    home.fails(&format!("upload six.darm {port}"), 3, &format!("{refused}a program runs; `darm stop` ends it"));
+    home.succeeds(&format!("stop {port}"));
+}
+
+#[test]
 fn a_program_that_another_one_stops_has_the_code_seven() {
     let home = Home::new();
     let board = board(&home, 1.0);

@@ -16,6 +16,7 @@ use darm_diagnose::visit_table::{PlannedVisit, VisitTable};
 use super::CalibrateError;
 use super::folder::Folder;
 use crate::commands::record::Measurement;
+use crate::failure::Occupied;
 use crate::interrupt::InterruptHandler;
 use crate::port::{self, PortArgs, emulated_camera};
 use crate::ui::Ui;
@@ -60,7 +61,8 @@ impl Board<'_> {
             return Ok(());
         }
         let bar = self.ui.progress_bar(&format!("{}: uploading", self.doing), u64::from(image.image().len), "bytes");
-        client.upload(image, &mut |progress| bar.set_position(u64::from(progress.done)))?;
+        let uploaded = client.upload(image, &mut |progress| bar.set_position(u64::from(progress.done)));
+        uploaded.map_err(|error| Occupied::explain(client, error))?;
         bar.finish_and_clear();
         Ok(())
     }
