@@ -7,7 +7,8 @@
 //! | 2    | invalid command line                                                      |
 //! | 3    | the board refused the request, or its safe state is latched               |
 //! | 4    | no connection to a board, or it was lost before the answer: it is unknown |
-//! |      | whether the board has acted; for a stop: it could not be sent             |
+//! |      | whether the board has acted; for a stop: it could not be sent; or the     |
+//! |      | camera ended within a program                                             |
 //! | 5    | the board did not confirm a stop within 1 s                               |
 //! | 6    | interrupted by Ctrl-C or SIGTERM; the board confirmed the stop            |
 //! | 7    | incomplete: another program stopped the arm before the end of its program, |
@@ -76,6 +77,20 @@ impl Occupied {
             _ => error.into(),
         }
     }
+}
+
+/// The camera ended within a program.
+#[derive(Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the camera {camera} ended or fell silent at visit {visit} of {all}; {then}")]
+pub(crate) struct LostCamera {
+    /// As the user named it.
+    pub(crate) camera: String,
+    /// The first visit that it may have missed.
+    pub(crate) visit: usize,
+    /// All of the program.
+    pub(crate) all: usize,
+    /// What became of the arm, and what to do.
+    pub(crate) then: &'static str,
 }
 
 /// Number of lines of a script that the board refused.
@@ -202,7 +217,7 @@ fn code_of_cause(cause: &(dyn Error + 'static)) -> Option<u8> {
         Some(USAGE)
     } else if cause.is::<SafeState>() || cause.is::<Refused>() || cause.is::<Occupied>() {
         Some(REFUSED)
-    } else if cause.is::<LinkError>() || cause.is::<PortError>() || cause.is::<NoAnswer>() {
+    } else if cause.is::<LinkError>() || cause.is::<LostCamera>() || cause.is::<PortError>() || cause.is::<NoAnswer>() {
         Some(NO_CONNECTION)
     } else {
         None

@@ -49,8 +49,9 @@ ended, so an interrupted recording is readable; --resume follows the program tha
 rows. A lost connection is reopened while the program continues. Comment lines give offset and rate of the board's clock \
 with their uncertainties, first as known at the start, then as known at the end.
 
-Ctrl-C stops the arm: exit code 6 if the board confirmed the stop, 5 if not, 4 if the stop could not be sent. Exit code 7: \
-another program stopped the arm before the end of its program, or the program ended before --resume and visits are missing.
+Ctrl-C stops the arm: exit code 6 if the board confirmed the stop, 5 if not, 4 if the stop could not be sent. Exit code 4 \
+also where the camera ended within the program. Exit code 7: another program stopped the arm before the end of its program, \
+or the program ended before --resume and visits are missing.
 
 An existing measurement is replaced only with --force, a file of another kind never.";
 

@@ -225,7 +225,7 @@ fn a_recording_whose_camera_ends_fails_and_names_the_visits() {
     cable.pull();
     let ended = child.wait_with_output().unwrap();
     let said = text(&ended.stderr);
-    assert_eq!(ended.status.code(), Some(1), "{said}");
+    assert_eq!(ended.status.code(), Some(4), "{said}");
     assert!(said.contains("/cable ended or fell silent at visit ") && said.contains("are missing: start it"), "{said}");
     assert!(text(&ended.stdout).contains(" to 5"), "{}", text(&ended.stdout));
 }
@@ -246,7 +246,8 @@ fn a_calibration_whose_camera_ends_stops_the_arm_and_keeps_no_look() {
     cable.pull();
     let ended = child.wait_with_output().unwrap();
     let said = text(&ended.stderr);
-    assert!(!ended.status.success() && said.contains("the arm is stopped. Start it again"), "{said}");
+    assert_eq!(ended.status.code(), Some(4), "{said}");
+    assert!(said.contains("the arm is stopped. Start it again"), "{said}");
     assert!(!home.path("cal/look-01.csv").exists());
     let status = home.json(&format!("status {}", board.port));
     assert_eq!(status["phase"], "idle", "{status}");

@@ -16,6 +16,7 @@ use super::visit_tracker::VisitTracker;
 use crate::commands::camera::{unix_less_host_s, unix_now_s};
 use crate::commands::play::End;
 use crate::commands::status::seconds;
+use crate::failure::LostCamera;
 use darm_diagnose::visits::Visits;
 
 /// A running recording.
@@ -37,7 +38,7 @@ pub(crate) struct Recording<'a> {
     /// Why no more measurements arrive.
     camera_error: Option<CameraError>,
     /// That the camera ended within the program.
-    pub(crate) lost_camera: Option<CameraError>,
+    pub(crate) lost_camera: Option<LostCamera>,
     /// The arm is stopped then.
     stops_without_camera: bool,
 }
@@ -126,9 +127,9 @@ impl<'a> Recording<'a> {
     }
 
     /// That the camera ended now.
-    fn lost(&self, then: &'static str) -> CameraError {
+    fn lost(&self, then: &'static str) -> LostCamera {
         let (visit, all) = (self.tracker.next, self.tracker.visits.rests.len());
-        CameraError::Lost { camera: self.camera.name().to_owned(), visit, all, then }
+        LostCamera { camera: self.camera.name().to_owned(), visit, all, then }
     }
 
     fn poll(&mut self) -> anyhow::Result<()> {

@@ -53,18 +53,6 @@ pub(crate) enum CameraError {
         /// What is wrong.
         error: LineError,
     },
-    /// It ended within a program.
-    #[error("the camera {camera} ended or fell silent at visit {visit} of {all}; {then}")]
-    Lost {
-        /// As the user named it.
-        camera: String,
-        /// The first visit that it may have missed.
-        visit: usize,
-        /// All of the program.
-        all: usize,
-        /// What became of the arm, and what to do.
-        then: &'static str,
-    },
     /// It sends nothing new.
     #[error(
         "the newest measurement of the camera {camera} is {age_s:.0} s old; does a program write it, and is its time_s Unix time?"
