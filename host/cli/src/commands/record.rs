@@ -313,7 +313,7 @@ impl Measurement<'_> {
         let program = Program::new(client, monitor, interrupt.clone(), reconnect_timeout(self.visits), self.ui);
         let mut recording = Recording::new(tracker, program, camera, output, 0).stopping_without_camera();
         let end = recording.until_the_end(on_visit);
-        let pictures = recording.camera.count();
+        let (pictures, not_measured) = (recording.camera.count(), recording.not_recovered());
         let samples = recording.output.finish()?;
         if let Some(interrupted) = interrupt.interrupted() {
             return Err(interrupted.into());
@@ -323,7 +323,18 @@ impl Measurement<'_> {
             End::Fault(fault) => Err(SafeState(fault.to_string()).into()),
             End::Stopped => Err(Unfinished::Stopped { done, all, what: "visits measured" }.into()),
             End::Finished if samples.is_empty() => Err(RecordError::NoPictures { pictures }.into()),
-            End::Finished => Ok(samples),
+            End::Finished => {
+                self.note(&not_measured);
+                Ok(samples)
+            }
+        }
+    }
+
+    /// Reports the visits that have no row although the program came to its end.
+    fn note(&self, not_measured: &[usize]) {
+        if !not_measured.is_empty() {
+            let (n, all, visits) = (not_measured.len(), self.visits.rests.len(), ranges(not_measured));
+            self.ui.note(&format!("{n} of {all} visits not measured, no camera measurement at rest: visits {visits}"));
         }
     }
 }
