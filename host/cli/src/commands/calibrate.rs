@@ -4,7 +4,7 @@ mod answer;
 mod board;
 mod folder;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use darm_arm::arm::Arm;
 use darm_arm::arm::frames::{self, DesiredFrame};
@@ -102,6 +102,7 @@ impl Calibrate {
         let wired = WiredArm::read(&self.arm, self.profile.as_deref())?;
         let frames = frames::read(&self.frames, &wired.arm)?;
         let options = self.options()?;
+        self.check_source()?;
         let folder = Folder::open(&self.folder, &Settings::new(&wired.arm, &frames, &options))?;
         let task = Task { arm: &wired.arm, frames: &frames, options: &options };
         let mut board = Board {
@@ -139,6 +140,18 @@ impl Calibrate {
         }
         let goal_m = self.goal.map(|mm| 1e-3 * mm);
         Ok(Options { looks: self.looks.into(), goal_m, seed: self.seed, ..Options::default() })
+    }
+
+    /// Refuses a source that is of no kind before a folder is made; a calibration that is complete needs none.
+    fn check_source(&self) -> Result<(), Usage> {
+        let poses = &self.poses;
+        let is_address = poses == "sim" || ["tcp:", "unix:"].iter().any(|kind| poses.starts_with(kind));
+        if is_address || Path::new(poses).exists() || self.folder.exists() {
+            return Ok(());
+        }
+        Err(Usage(format!(
+            "--poses {poses}: no such file; give sim, tcp:HOST:PORT, unix:PATH, or a CSV file or MCAP log that a program writes"
+        )))
     }
 
     /// The camera that was named. A calibration that is complete needs none: that of the simulator is looked for when the

@@ -77,6 +77,16 @@ fn a_calibration_continues_with_the_look_that_is_not_complete() {
 }
 
 #[test]
+fn a_source_of_no_kind_is_refused_before_a_folder_is_made() {
+    let home = Home::new();
+    let [arm, frames] = ["planar4.toml", "planar4-frames.toml"].map(super::example);
+    let refused = "darm: --poses foo: no such file; give sim, tcp:HOST:PORT, unix:PATH, or a CSV file or MCAP log that a \
+                   program writes";
+    home.fails(&format!("calibrate {arm} {frames} --poses foo"), 2, refused);
+    assert!(!home.path("calibration").exists());
+}
+
+#[test]
 fn a_folder_is_of_one_calibration() {
     let (home, looks) = measured(1.0);
     home.fails(LINE, 1, NO_SIMULATOR);
