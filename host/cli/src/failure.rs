@@ -18,7 +18,7 @@ use std::error::Error;
 use std::fmt;
 use std::path::Path;
 
-use darm_core::sequencer::Phase;
+use darm_core::sequencer::{CommandError, Phase};
 use darm_core::wire::message::Refusal;
 use darm_device::client::stop::Confirmation;
 use darm_device::client::{Client, ClientError};
@@ -68,7 +68,9 @@ impl Occupied {
     /// The error of a request, with what the board does where its status says so.
     pub(crate) fn explain(client: &mut Client, error: ClientError) -> anyhow::Error {
         let phase = match error {
-            ClientError::Refused(Refusal::Busy) => client.status().ok().map(|status| status.phase),
+            ClientError::Refused(Refusal::Busy | Refusal::Command(CommandError::Playing)) => {
+                client.status().ok().map(|status| status.phase)
+            }
             _ => None,
         };
         match phase {
@@ -202,7 +204,7 @@ fn code_of_cause(cause: &(dyn Error + 'static)) -> Option<u8> {
             ClientError::Frame(_) => FAILED,
         });
     }
-    if let Some(Interrupted(stopped)) = cause.downcast_ref::<Interrupted>() {
+    if let Some(Interrupted { stopped, .. }) = cause.downcast_ref::<Interrupted>() {
         return Some(match stopped {
             Ok(Confirmation::Confirmed) => INTERRUPTED,
             Ok(Confirmation::Missing) => UNCONFIRMED,

@@ -10,6 +10,7 @@ use darm_device::client::Client;
 use darm_device::client::stop::{Confirmation, STOP_BOUND, StopHandle, stop_at};
 use darm_device::link::LinkError;
 
+use crate::failure::Occupied;
 use crate::interrupted::Interrupted;
 use crate::{failure, state_folder};
 
@@ -26,17 +27,24 @@ struct State {
     port: String,
     handle: StopHandle,
     requested: bool,
+    /// How the command continues after an interrupt.
+    next: &'static str,
     stopped: Option<Result<Confirmation, Arc<LinkError>>>,
 }
 
 impl InterruptHandler {
     /// Installs the handler: Ctrl-C and SIGTERM stop the board at this port.
     pub(crate) fn start(port: &str, handle: StopHandle) -> anyhow::Result<Self> {
-        let state = State { port: port.to_owned(), handle, requested: false, stopped: None };
+        let state = State { port: port.to_owned(), handle, requested: false, next: "", stopped: None };
         let handler = Self(Arc::new(Mutex::new(state)));
         let interrupted = handler.clone();
         ctrlc::set_handler(move || interrupted.stop()).context("cannot wait for Ctrl-C")?;
         Ok(handler)
+    }
+
+    /// An interrupt reports how the command continues.
+    pub(crate) fn report_next(&self, next: &'static str) {
+        self.state().next = next;
     }
 
     /// The port was reopened.
@@ -53,7 +61,7 @@ impl InterruptHandler {
                 thread::sleep(POLL);
                 continue;
             }
-            return state.stopped.clone().map(Interrupted);
+            return state.stopped.clone().map(|stopped| Interrupted { stopped, next: state.next });
         }
     }
 
@@ -71,7 +79,7 @@ impl InterruptHandler {
         let played = client.command(Command::Play);
         match self.interrupted() {
             Some(interrupted) => Err(interrupted.into()),
-            None => Ok(played?),
+            None => played.map_err(|error| Occupied::explain(client, error)),
         }
     }
 

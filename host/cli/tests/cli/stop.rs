@@ -167,6 +167,39 @@ fn ctrl_c_stops_the_arm_and_reports_it() {
 }
 
 #[test]
+fn ctrl_c_in_a_calibration_reports_that_the_command_continues() {
+    let home = Home::new();
+    let [arm, frames] = ["planar4.toml", "planar4-frames.toml"].map(example);
+    let board = Board::start(&home, &arm);
+    let child = playing(&home, &format!("calibrate {arm} {frames} --poses sim {}", board.port));
+    let measuring = home.path("calibration/measuring.csv");
+    for _ in 0..400 {
+        if measuring.exists() {
+            break;
+        }
+        thread::sleep(Duration::from_millis(25));
+    }
+    interrupt(&child);
+    let ended = child.wait_with_output().unwrap();
+    let said = text(&ended.stderr);
+    assert_eq!(ended.status.code(), Some(6), "{said}");
+    let expected = "darm: interrupted; the board confirmed that all coils are off; repeat the command to continue\n";
+    assert!(said.ends_with(expected), "{said}");
+}
+
+#[test]
+fn a_program_that_a_killed_command_leaves_is_ended_by_a_stop() {
+    let home = Home::new();
+    let board = long_program(&home);
+    let mut killed = playing(&home, &format!("play {}", board.port));
+    killed.kill().unwrap();
+    killed.wait().unwrap();
+    home.fails(&format!("play {}", board.port), 3, "darm: the board refused: a program runs; `darm stop` ends it");
+    home.succeeds(&format!("stop {}", board.port));
+    assert_eq!(home.json(&format!("play --detach {}", board.port))["end"], "started");
+}
+
+#[test]
 fn a_second_command_does_not_wait_to_move_the_arm() {
     let home = Home::new();
     let board = long_program(&home);

@@ -79,6 +79,7 @@ impl Board<'_> {
             }
             None => InterruptHandler::start(&port, handle)?,
         };
+        interrupt.report_next("; repeat the command to continue");
         self.interrupt = Some(interrupt.clone());
         Ok((client, interrupt))
     }
