@@ -227,6 +227,8 @@ fn a_recording_whose_camera_ends_fails_and_names_the_visits() {
     let said = text(&ended.stderr);
     assert_eq!(ended.status.code(), Some(4), "{said}");
     assert!(said.contains("/cable ended or fell silent at visit ") && said.contains("are missing: start it"), "{said}");
+    let [noted, _] = said.split("Ctrl-C stops the arm").collect::<Vec<_>>()[..] else { panic!("{said}") };
+    assert!(noted.contains("ended or fell silent at visit "), "{said}");
     assert!(text(&ended.stdout).contains(" to 5"), "{}", text(&ended.stdout));
 }
 

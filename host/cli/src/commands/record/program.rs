@@ -44,7 +44,7 @@ pub(crate) struct Program {
     pub(crate) lost_connections: Vec<LostConnection>,
     /// Longest wait for a lost port.
     pub(crate) reconnect_timeout: Duration,
-    ui: Ui,
+    pub(crate) ui: Ui,
 }
 
 impl Program {

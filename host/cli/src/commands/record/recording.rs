@@ -101,7 +101,7 @@ impl<'a> Recording<'a> {
         Ok(end)
     }
 
-    /// Notes where the camera ended within the program.
+    /// Reports at once that the camera ended within the program, and stops the arm if so wanted.
     fn look_at_camera(&mut self) -> anyhow::Result<()> {
         let (Some(start_s), None) = (self.start_unix_s(), self.program.monitor.end) else { return Ok(()) };
         let is_lost = self.camera_error.is_some() || self.camera.has_ended(start_s);
@@ -115,7 +115,9 @@ impl<'a> Recording<'a> {
         }
         if !self.camera.is_file() {
             let then = "visits after it are missing: start it again, and record into another file";
-            self.lost_camera = Some(self.lost(then));
+            let lost = self.lost(then);
+            self.program.ui.note(&format!("{lost}. Ctrl-C stops the arm"));
+            self.lost_camera = Some(lost);
         }
         Ok(())
     }
