@@ -26,6 +26,8 @@ pub mod solenoid;
 pub mod sparse_flash;
 pub mod stack;
 pub mod store;
+#[cfg(all(target_arch = "arm", target_os = "none"))]
+pub mod systick;
 pub mod text;
 pub mod tick;
 

@@ -23,7 +23,7 @@ use stm32_metapac::iwdg::vals::{Key, Pr};
 use stm32_metapac::rcc::vals::{Pllm, Plln, Pllp, Pllq, Ppre, Sw};
 use stm32_metapac::{FLASH, GPIOA, GPIOB, GPIOC, IWDG, RCC, UID};
 
-use crate::time::BoardClock;
+use crate::time;
 
 const INPUTS: usize = 8;
 const DATA: (Gpio, usize) = (GPIOA, 7);
@@ -52,8 +52,8 @@ impl Hardware for Board {
     const INPUTS: u8 = INPUTS as u8;
     /// The loader starts by the jumper BOOT0 alone.
     const GUARDS_LOADER: bool = false;
-    type Clock = BoardClock;
-    const CLOCK: BoardClock = BoardClock;
+    type Clock = time::BoardClock;
+    const CLOCK: time::BoardClock = time::CLOCK;
     type Pins = BoardPins;
     type Flash = SparseFlash<PAGES>;
 

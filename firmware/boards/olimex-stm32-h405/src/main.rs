@@ -33,7 +33,7 @@ use embassy_executor::InterruptExecutor;
 use stm32_metapac::{Interrupt, interrupt};
 
 use board::{Board, BoardPins};
-use time::BoardClock;
+use time::CLOCK;
 
 static EXECUTOR: InterruptExecutor = InterruptExecutor::new();
 static SHARED: Shared<'static> = Shared::new();
@@ -54,7 +54,7 @@ fn control_tick(due: Micros) {
     if CONTROLS.load(Ordering::Acquire) {
         // SAFETY: it is there; nothing else refers to it, and an interrupt does not nest in itself.
         let ticker = unsafe { (*ticker).assume_init_mut() };
-        ticker.tick::<Board>(BoardClock.now(), due, &SHARED, &PULSES);
+        ticker.tick::<Board>(CLOCK.now(), due, &SHARED, &PULSES);
     }
 }
 
@@ -92,7 +92,7 @@ fn start_control() {
     // SAFETY: every bit pattern is a meter, valid or not; nothing else refers to them, as this is called once.
     let used = unsafe { (*used).assume_init_mut() };
     // SAFETY: nothing else refers to it, as the control tick has not started.
-    unsafe { (*ticker).write(Ticker::new(BoardClock.now(), BoardPins, used, &SHARED)) };
+    unsafe { (*ticker).write(Ticker::new(CLOCK.now(), BoardPins, used, &SHARED)) };
     CONTROLS.store(true, Ordering::Release);
 }
 
@@ -110,8 +110,8 @@ fn main() -> ! {
         core.NVIC.set_priority(Interrupt::USART1, 0x80);
         core.NVIC.set_priority(Interrupt::USART2, 0x80);
         core.NVIC.set_priority(Interrupt::SDIO, 0xE0);
+        CLOCK.start(&mut core.SYST);
     }
-    time::start();
     let start = life::start_after(crashes);
     let Ok(console) = console(CONSOLE.build(crash, &SHARED), start) else { started_twice() };
     board::start_watchdog();
