@@ -183,6 +183,7 @@ mod tests {
         assert_eq!((odr >> 15, moder >> 30), (1, 1));
     }
 
+    /// RM0351, 8.5.3: OSPEEDR, 1 is medium speed.
     #[test]
     fn the_pins_of_the_chain_have_medium_speed() {
         start();
@@ -203,6 +204,7 @@ mod tests {
         assert_eq!(enable.is_high(), Ok(true));
     }
 
+    /// RM0351, 8.5.7: a 0 in BSRR changes nothing.
     #[test]
     fn an_edge_leaves_the_other_pins_alone() {
         start();
@@ -228,6 +230,7 @@ mod tests {
         assert_eq!(bus::read(port.afr(0)).0 >> (4 * n) & 0xf, 7);
     }
 
+    /// RM0351, 8.5.5: IDR has the levels of the pins.
     #[test]
     fn inputs_are_numbered_as_the_table_says() {
         start();

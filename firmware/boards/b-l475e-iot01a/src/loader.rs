@@ -22,6 +22,7 @@ mod tests {
     use super::map;
     use crate::tests::model;
 
+    /// RM0351, 9.2.1: MEM_MODE and FB_MODE.
     #[test]
     fn the_system_memory_is_mapped_and_its_bank_left_alone() {
         model::power_on();

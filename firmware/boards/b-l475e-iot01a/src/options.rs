@@ -48,6 +48,7 @@ mod tests {
         assert_eq!(read(), delivered);
     }
 
+    /// RM0351, 3.4.1: BOR_LEV, RDP and SRAM2_RST.
     #[test]
     fn level_4_is_2_8_v_and_protection_shows() {
         model::power_on();

@@ -32,6 +32,7 @@ fn supply_and_temperature_come_from_the_values_of_the_factory() {
 }
 
 /// What is not there is not measured: no converter that answers, no values of the factory.
+/// 18.6.1: ADRDY says that the converter is ready.
 #[test]
 fn a_converter_that_does_not_answer_measures_nothing_in_bounded_time() {
     model::power_on();

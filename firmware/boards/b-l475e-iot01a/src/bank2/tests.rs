@@ -32,6 +32,7 @@ fn is_at_rest() -> bool {
     model::with(|chip| chip.flash.is_at_rest() && chip.flash.is_cached())
 }
 
+/// 3.3.6 and 3.3.7: a page is erased at once, a double word programmed.
 #[test]
 fn what_is_written_reads_back_and_goes_with_its_page() {
     let mut bank = bank();
@@ -43,6 +44,7 @@ fn what_is_written_reads_back_and_goes_with_its_page() {
     assert!(is_at_rest());
 }
 
+/// 3.3.6: BKER and PNB select the page.
 #[test]
 fn the_last_page_is_that_of_bank_2() {
     let mut bank = bank();
@@ -191,6 +193,7 @@ fn the_model_refuses_keys_after_a_wrong_one() {
     let _ = write(&mut bank, PAGE, &WORD);
 }
 
+/// The erratum of the data cache on read while write.
 #[test]
 #[should_panic(expected = "erratum")]
 fn the_model_refuses_a_write_with_the_data_cache_on() {
@@ -218,7 +221,7 @@ fn the_model_refuses_a_write_of_cr_while_busy() {
     bus::modify(FLASH.cr(), |w| w.set_lock(true));
 }
 
-/// A dropped future leaves its mode selected and the cache off; the next operation waits for none of it.
+/// A dropped future leaves its mode selected and the cache off; the next operation waits for none of it, but for BSY (3.7.5).
 #[test]
 fn a_dropped_erase_does_not_spoil_the_next_write() {
     let mut bank = bank();
@@ -279,6 +282,7 @@ fn a_torn_word_is_noted_behind_a_corrected_error_of_the_code() {
     write(&mut bank, PAGE, &[0; 8]).expect("zeros go over a torn word");
 }
 
+/// 3.7.7: the address of a double error.
 #[test]
 fn a_torn_word_outside_the_data_is_fatal() {
     let beyond = bank().capacity();

@@ -11,6 +11,7 @@ fn hclk_hz() -> f64 {
     model::with(|chip| chip.rcc.hclk_hz())
 }
 
+/// 6.4.1: MSIPLLEN locks the MSI to the crystal.
 #[test]
 fn a_crystal_that_runs_gives_80_mhz_with_its_own_error() {
     model::power_on();
@@ -20,6 +21,7 @@ fn a_crystal_that_runs_gives_80_mhz_with_its_own_error() {
     assert!((2_000_000..2_010_000).contains(&model::now_us()), "it takes two seconds to start");
 }
 
+/// 6.1.3: a system reset leaves the backup domain alone.
 #[test]
 fn a_crystal_that_runs_since_before_the_reset_costs_no_time() {
     model::power_on();
@@ -31,6 +33,7 @@ fn a_crystal_that_runs_since_before_the_reset_costs_no_time() {
     assert!(model::now_us() - before_us < 5_000);
 }
 
+/// 6.4.4: the PLL takes the HSI16 as well.
 #[test]
 fn without_a_crystal_the_hsi16_gives_80_mhz_and_is_reported() {
     model::power_on();
@@ -59,6 +62,7 @@ fn a_crystal_that_stops_is_reported_and_started_again_by_a_reset() {
     assert_eq!(source(), Source::Crystal);
 }
 
+/// 6.4.1: HSIRDY and PLLRDY say whether an oscillator runs.
 #[test]
 fn what_does_not_come_up_is_named() {
     for (broken, crystal, error) in [
@@ -72,6 +76,7 @@ fn what_does_not_come_up_is_named() {
     }
 }
 
+/// 3.3.3: one wait state for each 16 MHz.
 #[test]
 #[should_panic(expected = "wait states")]
 fn the_model_refuses_a_switch_up_before_the_wait_states() {
@@ -98,6 +103,7 @@ fn the_model_refuses_to_set_up_a_running_pll() {
     bus::modify(RCC.pllcfgr(), |w| w.set_pllren(false));
 }
 
+/// 6.4.1: MSIPLLEN needs LSERDY.
 #[test]
 #[should_panic(expected = "MSIPLLEN needs a crystal that is ready")]
 fn the_model_refuses_pll_mode_without_a_crystal() {
@@ -105,6 +111,7 @@ fn the_model_refuses_pll_mode_without_a_crystal() {
     bus::modify(RCC.cr(), |w| w.set_msipllen(true));
 }
 
+/// 5.4.1: DBP opens the backup domain.
 #[test]
 #[should_panic(expected = "write-protected until DBP is set")]
 fn the_model_refuses_the_backup_domain_while_it_is_closed() {

@@ -69,6 +69,7 @@ fn what_comes_is_there_one_frame_after_the_last_byte() {
     assert_eq!(received(port), b"stop\r");
 }
 
+/// 40.5.15: DMA takes each byte from the register.
 #[test]
 fn a_stream_at_1_mbaud_survives_ticks_of_200_us() {
     let port = start(1, BUS);
@@ -89,6 +90,7 @@ fn without_dma_the_same_stream_overruns() {
     assert!(received(port).len() < 20 && port.errors().overruns > 0);
 }
 
+/// 11.6.1: half and end of the ring are flags, which do not count.
 #[test]
 fn a_core_that_is_away_for_a_ring_loses_it_and_says_so() {
     let port = start(1, BUS);
@@ -103,6 +105,7 @@ fn a_core_that_is_away_for_a_ring_loses_it_and_says_so() {
     assert_eq!(received(port), b"again");
 }
 
+/// 40.5.3: each byte has to be taken from the register, whether there is room for it or not.
 #[test]
 fn a_full_queue_drops_what_is_new_and_counts_it() {
     let port = start(0, CONSOLE);
@@ -221,6 +224,7 @@ fn the_model_refuses_another_rate_on_a_running_usart() {
     bus::write(USART1.brr(), |w| w.0 = 100);
 }
 
+/// 40.5.2: TXE says when the register is empty.
 #[test]
 #[should_panic(expected = "a byte over one that has not left")]
 fn the_model_refuses_a_byte_over_one_that_waits() {

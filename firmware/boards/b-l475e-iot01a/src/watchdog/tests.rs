@@ -25,6 +25,7 @@ fn bites_after_ms(lsi_hz: f64) -> f64 {
     (bitten().unwrap_or(0) - fed_ns) as f64 * 1e-6
 }
 
+/// 36.4.2: prescaler and reload; DS10969 for the LSI.
 #[test]
 fn it_bites_47_to_55_ms_after_the_last_feed() {
     let [slow, fast] = LSI_HZ.map(bites_after_ms);
@@ -40,6 +41,7 @@ fn the_first_period_is_as_short_as_the_others() {
     assert!(model::with(|chip| chip.watchdog.bitten_at_ns).is_some());
 }
 
+/// 36.4.4: RVU is set until the LSI has taken the value.
 #[test]
 fn a_watchdog_that_never_updates_does_not_hold_the_start_up() {
     model::power_on();
@@ -48,6 +50,7 @@ fn a_watchdog_that_never_updates_does_not_hold_the_start_up() {
     assert!(bus::read(IWDG.sr()).0 & 2 != 0, "RVU");
 }
 
+/// 6.4.30: the flags stay until RMVF.
 #[test]
 fn the_cause_of_a_reset_is_read_once() {
     model::power_on();
@@ -77,6 +80,7 @@ fn the_model_refuses_values_without_the_key() {
     bus::write(IWDG.rlr(), |w| w.set_rl(1));
 }
 
+/// 36.4.4: a value may change only while its flag is clear.
 #[test]
 #[should_panic(expected = "PVU, RVU or WVU is set")]
 fn the_model_refuses_a_value_while_the_last_one_is_updated() {
