@@ -1,6 +1,6 @@
 //! Servo joints on a half-duplex bus: Feetech STS servos, up to [`MAX_SERVOS`] of them.
 //!
-//! The bus task visits every servo of the profile once a [`CYCLE`]: it reads position, load and status, writes what the
+//! The bus task visits every servo of the profile once a [`CYCLE`], those first that a stop is to hold: it reads position, load and status, writes what the
 //! servo is to do when that changed, and reports to the control tick. A servo that does not answer keeps its last answer's
 //! time, and the sequencer finds that too old. What is written is clamped to the profile's limits again.
 //!
@@ -25,7 +25,7 @@ use embassy_futures::select::{Either, select};
 use embedded_io_async::{Read, Write};
 
 use crate::clock::Clock;
-use crate::control::{Joint, Shared};
+use crate::control::{Joint, Joints, Shared};
 use packet::{Packet, Parser};
 
 /// Time from one visit of a servo to the next.
@@ -92,9 +92,10 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
         }
     }
 
-    /// Visits every servo once.
+    /// Visits every servo once, first those that are to hold and still go to a target.
     pub async fn visit_all(&mut self, shared: &Shared<'_>) {
-        for (index, joint) in shared.joints().into_iter().enumerate() {
+        let mut waiting = [true; MAX_SERVOS];
+        while let Some((index, joint)) = self.next_visit(&mut waiting, &shared.joints()) {
             let visited = match joint {
                 Some(joint) => self.visit(index, joint, shared).await.map(Some),
                 None => Ok(None),
@@ -112,6 +113,22 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
                 }
             }
         }
+    }
+
+    /// The servo to visit next of those that wait, and what it is to do now.
+    fn next_visit(&self, waiting: &mut [bool; MAX_SERVOS], joints: &Joints) -> Option<(usize, Option<Joint>)> {
+        let goes = |joint: &Joint| matches!(joint.action, ServoAction::Go(_));
+        let is_stopping = |index: usize| {
+            let went = self.written.get(index).copied().flatten().is_some_and(|last| goes(&last.joint));
+            went && !joints.get(index).copied().flatten().is_some_and(|joint| goes(&joint))
+        };
+        let waits = |index: &usize| waiting.get(*index) == Some(&true);
+        let indices = || (0..MAX_SERVOS).filter(waits);
+        let index = indices().find(|index| is_stopping(*index)).or_else(|| indices().next())?;
+        if let Some(waits) = waiting.get_mut(index) {
+            *waits = false;
+        }
+        Some((index, joints.get(index).copied().flatten()))
     }
 
     fn set_written(&mut self, index: usize, written: Option<Written>) {
