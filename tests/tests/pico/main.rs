@@ -4,6 +4,7 @@
 
 mod bench;
 mod faults;
+mod longest_tick;
 #[path = "../emulator/missing.rs"]
 mod missing;
 mod sync;
@@ -164,47 +165,6 @@ fn a_power_cut_within_any_operation_of_the_flash_leaves_the_old_or_the_new_table
     println!("FIGURE pico: power cuts with the new table complete = {new} cuts");
     println!("FIGURE pico: power cuts with a mixture or a lost calibration = 0 cuts");
     assert!(Path::exists(&bench.folder.path().join(pico::FLASH_FILE)));
-}
-
-/// Clock of the chip.
-const CYCLES_PER_TICK: f64 = 125e3;
-
-#[test]
-fn the_longest_control_tick_and_the_stack_keep_their_limits() {
-    let Some(bench) = Bench::start(true) else { return };
-    let mut client = bench.connect();
-    let words = stepped(10);
-    client.upload(&table(&bench.wiring, &words, ModelHash(9)), &mut |_| {}).unwrap();
-    bench.with(PicoBench::measure);
-    client.command(Command::Play).unwrap();
-    bench.events_until(&mut client, |event| event == Event::Finished);
-    client.status().unwrap();
-    let reported = client.health().unwrap().unwrap();
-    let measured = bench.with(PicoBench::measure);
-    let share = |cycles: u64| 100.0 * cycles as f64 / CYCLES_PER_TICK;
-    let percent = |cycles| (10.0 * share(cycles)).round() / 10.0;
-    println!("FIGURE pico: longest control tick = {} instructions", measured.longest_instructions);
-    println!("FIGURE pico: longest control tick of 1 ms at 125 MHz = {} %", percent(measured.longest_cycles));
-    println!(
-        "FIGURE pico: the same with waits for the flash, by a model of its cache = {} %",
-        percent(measured.waiting_cycles)
-    );
-    println!("FIGURE pico: the same with no line in the cache at the begin = {} %", percent(measured.cold_cycles));
-    println!("FIGURE pico: stack in use, measured = {} bytes", measured.stack_bytes);
-    assert!(measured.ticks > 3_000, "{measured:?}");
-    assert!(share(measured.cold_cycles) <= 40.0, "{measured:?}");
-    // The board finds the same stack by itself, up to a call that went deeper between the two.
-    let stack = reported.stack.unwrap();
-    assert!(
-        stack.size == 24 * 1024 && stack.used.abs_diff(measured.stack_bytes as u32) <= 256,
-        "{stack:?} {measured:?}"
-    );
-    // The ticks alone take a tenth of the time.
-    let load = reported.load_permille.unwrap();
-    println!("FIGURE pico: load while a table is played = {} %", 0.1 * f64::from(load));
-    assert!((50..900).contains(&load), "{load} permille");
-    // Of the 24 KiB that `memory.x` gives.
-    assert!(measured.stack_bytes <= 85 * 24 * 1024 / 100, "{measured:?}");
 }
 
 #[test]
