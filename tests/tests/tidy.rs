@@ -223,6 +223,93 @@ fn the_core_and_the_firmware_do_not_panic_on_input() {
     assert_none(broken);
 }
 
+/// The boards: the folders of their crates.
+fn boards() -> Vec<String> {
+    let folders = fs::read_dir(root().join("firmware/boards")).expect("the folder of the boards");
+    let names = folders.map(|entry| entry.expect("a folder").file_name().to_string_lossy().into_owned());
+    names.filter(|name| root().join("firmware/boards").join(name).join("Cargo.toml").is_file()).collect()
+}
+
+/// Every board is known to what builds, flashes and packages images.
+#[test]
+fn every_board_is_named_where_images_are_built_and_flashed() {
+    let files = [
+        "host/cli/build.rs",
+        "host/cli/src/firmware_image.rs",
+        "xtask/src/image/board.rs",
+        "xtask/src/package/check.sh",
+    ];
+    let boards = boards();
+    assert!(boards.len() >= 3, "{boards:?}");
+    let mut missing = Vec::new();
+    for file in files {
+        let text = fs::read_to_string(root().join(file)).expect("a file");
+        let lacking = boards.iter().filter(|board| !text.contains(board.as_str()));
+        missing.extend(lacking.map(|board| format!("{file}: the board `{board}` is missing")));
+    }
+    let folders = boards.iter().map(|board| format!("firmware/boards/{board}"));
+    let unknown = folders.filter(|folder| !CRATES.iter().any(|(_, known, _)| known == folder));
+    missing.extend(unknown.map(|folder| format!("`{folder}` is missing in the table of crates")));
+    assert_none(missing);
+}
+
+/// Lines of a board's crate that are neither blank nor only a comment: build script and sources, without tests.
+fn lines_of_code(board: &str) -> usize {
+    let folder = format!("firmware/boards/{board}/");
+    let own = sources().into_iter().filter(|source| {
+        let inside = source.path.strip_prefix(&folder);
+        inside.is_some_and(|inside| inside == "build.rs" || inside.starts_with("src/"))
+    });
+    let is_code = |line: &&str| !line.trim().is_empty() && !line.trim_start().starts_with("//");
+    own.map(|source| source.text.lines().filter(is_code).count()).sum()
+}
+
+#[test]
+fn the_page_for_a_new_board_says_how_many_lines_the_examples_have() {
+    /// A board on bare registers is to stay this small.
+    const SMALL: usize = 400;
+    let page = fs::read_to_string(root().join("docs/add-a-board.md")).expect("the page");
+    let [pico, small] = ["pico", "olimex-stm32-h405"].map(lines_of_code);
+    assert!((100..=SMALL).contains(&small), "{small} lines");
+    let missing = [pico, small].map(|n| format!("{n} lines of code"));
+    assert_none(
+        missing.into_iter().filter(|count| !page.contains(count)).map(|count| format!("the page has no `{count}`")),
+    );
+}
+
+/// Whether a text cites a section of the reference manual, such as 3.7.7, or the errata sheet.
+fn cites_manual(text: &str) -> bool {
+    let is_section = |token: &str| {
+        let parts: Vec<&str> = token.trim_matches('.').split('.').collect();
+        parts.len() == 3 && parts.iter().all(|part| !part.is_empty() && part.bytes().all(|byte| byte.is_ascii_digit()))
+    };
+    text.split(|c: char| !c.is_ascii_digit() && c != '.').any(is_section) || text.contains("errat")
+}
+
+/// What the model of a chip refuses or does is a reading of its manual: a test says of which section.
+#[test]
+fn every_test_of_a_driver_cites_the_manual() {
+    const DRIVERS: [&str; 9] = ["adc", "bank2", "clocks", "ecc", "gpio", "loader", "options", "usart", "watchdog"];
+    let mut missing = Vec::new();
+    let mut n_tests = 0;
+    for Source { path, text } in sources() {
+        let Some(inside) = path.strip_prefix("firmware/boards/b-l475e-iot01a/src/") else { continue };
+        let module = inside.split('/').next().unwrap_or(inside).trim_end_matches(".rs");
+        if !DRIVERS.contains(&module) {
+            continue;
+        }
+        // A test reaches from the blank line above its comment to the one below its end.
+        let items = text.split("\n\n").filter(|item| item.contains("#[test]\n"));
+        for item in items {
+            n_tests += 1;
+            let name = item.split("fn ").nth(1).and_then(|rest| rest.split('(').next()).unwrap_or_default();
+            missing.extend((!cites_manual(item)).then(|| format!("{path}: `{name}` cites no section of the manual")));
+        }
+    }
+    assert!(n_tests > 40, "{n_tests} tests");
+    assert_none(missing);
+}
+
 #[test]
 fn only_real_names_libm() {
     let named = sources().into_iter().filter(|Source { path: file, text }| {
