@@ -51,8 +51,7 @@ const fn decimal(text: &str) -> u8 {
     value
 }
 
-/// For this time copies of a change may still be on the line. In less time nobody asks half the circle of request
-/// numbers: a request and its answer take 5 ms on the wire.
+/// For this time copies of a change may still be on the line: a change whose number is older than the last one's is refused.
 const COPIES: Micros = Micros::from_millis(60_000);
 /// Connections whose `Hello` may still be on the line.
 const OLD_LINKS: usize = 8;
@@ -184,8 +183,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
         self.log.push(event);
     }
 
-    /// Answers what stood between two zero bytes. `None`: it was no frame, or a late copy of an old one, or its answer is
-    /// still [sought](Self::seek).
+    /// Answers what stood between two zero bytes. `None`: it was no frame, or its answer is still [sought](Self::seek).
     pub async fn answer(&mut self, encoded: &mut [u8]) -> Option<Frame> {
         let Ok((header, payload)) = frame::decode(encoded) else {
             self.note_bad();
@@ -220,7 +218,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
         }
     }
 
-    /// Repeats, drops or runs a request of the versioned set.
+    /// Repeats, refuses or runs a request of the versioned set.
     async fn request(&mut self, header: Header, bytes: &[u8]) -> Option<Payload> {
         let request = match postcard::take_from_bytes::<Request>(bytes) {
             Ok((request, [])) => request,
@@ -251,7 +249,8 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
         if let Some(last) = self.last.as_ref().filter(|last| self.clock.now() - last.at < COPIES) {
             match header.number.wrapping_sub(last.number) as i16 {
                 0 => return Some(last.reply.clone()),
-                ..0 => return None,
+                // A late copy; or a host whose numbers have gone half round: either learns that nothing was done.
+                ..0 => return Some(self.reply(Err(Refusal::NotConnected))),
                 1.. => {}
             }
         }

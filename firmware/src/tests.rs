@@ -233,12 +233,22 @@ fn a_change_runs_once() {
     assert_eq!(bench.ask_as(LINK, 1000, play), Some(Ok(Answer::Done)));
     bench.pass_ms(200);
     assert_eq!(bench.ask_as(LINK, 1001, Request::Command(Command::Stop)), Some(Ok(Answer::Done)));
-    assert_eq!(bench.ask_as(LINK, 1000, play), None);
+    assert_eq!(bench.ask_as(LINK, 1000, play), Some(Err(Refusal::NotConnected)));
     assert_eq!(bench.ask_as(LINK, 1001, Request::Command(Command::Stop)), Some(Ok(Answer::Done)));
     bench.ask_as(LINK, 900, Request::Hello { protocol: PROTOCOL });
-    assert_eq!(bench.ask_as(LINK, 1000, play), None);
+    assert_eq!(bench.ask_as(LINK, 1000, play), Some(Err(Refusal::NotConnected)));
     assert_eq!(bench.status().phase, Phase::Idle);
     assert_eq!(bench.events().iter().filter(|event| **event == Event::Started).count(), 1);
+}
+
+#[test]
+fn a_change_whose_number_has_gone_half_round_is_refused_and_a_new_connection_helps() {
+    let bench = loaded();
+    let (clear, late) = (Request::Command(Command::Clear), 100u16.wrapping_add(33_000));
+    assert_eq!(bench.ask_as(LINK, 100, clear), Some(Ok(Answer::Done)));
+    assert_eq!(bench.ask_as(LINK, late, clear), Some(Err(Refusal::NotConnected)));
+    assert!(bench.ask_as(9, late, Request::Hello { protocol: PROTOCOL }).unwrap().is_ok());
+    assert_eq!(bench.ask_as(9, late.wrapping_add(1), clear), Some(Ok(Answer::Done)));
 }
 
 #[test]

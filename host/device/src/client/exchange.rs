@@ -33,7 +33,7 @@ pub struct Counts {
     pub damaged: u32,
 }
 
-/// Numbers of requests. The board drops a request that changes something when its number is up to half the range behind
+/// Numbers of requests. The board refuses a request that changes something when its number is up to half the range behind
 /// that of the last one that did, so those have a counter of their own: each is two ahead of the one before, however many
 /// questions lie between. They are even and questions are odd: no late answer is taken for that to the other kind.
 #[derive(Clone, Copy, Debug)]
