@@ -1,8 +1,9 @@
 //! Servo joints on a half-duplex bus: Feetech STS servos, up to [`MAX_SERVOS`] of them.
 //!
-//! The bus task visits every servo of the profile once a [`CYCLE`], those first that a stop is to hold: it reads position, load and status, writes what the
-//! servo is to do when that changed, and reports to the control tick. A servo that does not answer keeps its last answer's
-//! time, and the sequencer finds that too old. What is written is clamped to the profile's limits again.
+//! The bus task visits every servo of the profile once a [`CYCLE`], those first that a stop is to hold: it reads position,
+//! load and status, writes what the servo is to do when that changed, and reports to the control tick. A servo that does not
+//! answer keeps its last answer's time, and the sequencer finds that too old. What is written is clamped to the profile's
+//! limits again.
 //!
 //! | action    | written                                                                                    |
 //! |-----------|--------------------------------------------------------------------------------------------|
@@ -117,18 +118,19 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
 
     /// The servo to visit next of those that wait, and what it is to do now.
     fn next_visit(&self, waiting: &mut [bool; MAX_SERVOS], joints: &Joints) -> Option<(usize, Option<Joint>)> {
-        let goes = |joint: &Joint| matches!(joint.action, ServoAction::Go(_));
-        let is_stopping = |index: usize| {
-            let went = self.written.get(index).copied().flatten().is_some_and(|last| goes(&last.joint));
-            went && !joints.get(index).copied().flatten().is_some_and(|joint| goes(&joint))
-        };
         let waits = |index: &usize| waiting.get(*index) == Some(&true);
-        let indices = || (0..MAX_SERVOS).filter(waits);
-        let index = indices().find(|index| is_stopping(*index)).or_else(|| indices().next())?;
-        if let Some(waits) = waiting.get_mut(index) {
-            *waits = false;
-        }
-        Some((index, joints.get(index).copied().flatten()))
+        let mut left = (0..MAX_SERVOS).filter(waits);
+        let next = left.clone().find(|index| self.is_to_hold(*index, joints)).or_else(|| left.next())?;
+        *waiting.get_mut(next)? = false;
+        Some((next, joints.get(next).copied().flatten()))
+    }
+
+    /// Whether the servo goes to a target that it is to leave.
+    fn is_to_hold(&self, index: usize, joints: &Joints) -> bool {
+        let goes = |joint: &Joint| matches!(joint.action, ServoAction::Go(_));
+        let written = self.written.get(index).copied().flatten();
+        let joint = joints.get(index).copied().flatten();
+        written.is_some_and(|last| goes(&last.joint)) && !joint.is_some_and(|joint| goes(&joint))
     }
 
     fn set_written(&mut self, index: usize, written: Option<Written>) {

@@ -10,8 +10,10 @@ use embedded_io_async::ErrorType;
 use super::*;
 use crate::tests::fakes::{HandClock, run};
 
-/// Registers of one servo with address 1, and what it does with the bytes it gets.
+/// Registers of one servo, which answers to every address, and what it does with the bytes it gets.
 struct Fake {
+    /// Addresses of the requests.
+    asked: RefCell<Vec<u8>>,
     registers: RefCell<[u8; 80]>,
     out: RefCell<VecDeque<u8>>,
     mute: Cell<bool>,
@@ -25,6 +27,7 @@ struct Fake {
 impl Fake {
     fn new() -> Self {
         Self {
+            asked: RefCell::default(),
             registers: RefCell::new([0; 80]),
             out: RefCell::default(),
             mute: Cell::new(false),
@@ -38,14 +41,15 @@ impl Fake {
     fn take(&self, request: &Packet) {
         let [first, values @ ..] = request.parameters() else { return };
         let first = usize::from(*first);
+        self.asked.borrow_mut().push(request.id);
         let mut registers = self.registers.borrow_mut();
-        let mut answer = Packet::answer(1, self.error.get(), &[]);
+        let mut answer = Packet::answer(request.id, self.error.get(), &[]);
         if request.code == 3 {
             self.writes.set(self.writes.get() + 1);
             registers[first..first + values.len()].copy_from_slice(values);
             registers.copy_within(42..44, 56);
         } else {
-            answer = Packet::answer(1, self.error.get(), &registers[first..first + usize::from(values[0])]);
+            answer = Packet::answer(request.id, self.error.get(), &registers[first..first + usize::from(values[0])]);
         }
         let is_mute = self.mute.get() || self.mute_to_writes.get() && request.code == 3;
         if !is_mute {
@@ -160,6 +164,26 @@ fn an_unchanged_target_is_written_again_only_now_and_then() {
     assert_eq!(fake.writes.get(), 1);
     visit(&fake, &shared, &clock, 2 + u32::from(REWRITE_VISITS));
     assert_eq!(fake.writes.get(), 3);
+}
+
+/// One that does not answer takes the bus 22 ms, in which the next one would move on.
+#[test]
+fn a_servo_on_its_way_is_held_before_the_others_are_visited() {
+    let (fake, shared, clock) = (Fake::new(), Shared::new(), HandClock::default());
+    let with_id =
+        |joint: Option<Joint>, id| joint.map(|joint| Joint { limit: ServoWiring { id, ..joint.limit }, ..joint });
+    let hold = doing(ServoAction::Hold);
+    shared.set_joints([with_id(hold, 1), with_id(hold, 2), with_id(joint(0.5), 3), None]);
+    let mut bus = Bus::new(&fake, &fake, &clock);
+    let visits = async {
+        bus.visit_all(&shared).await;
+        shared.set_joints([with_id(hold, 1), with_id(hold, 2), with_id(hold, 3), None]);
+        fake.asked.borrow_mut().clear();
+        bus.visit_all(&shared).await;
+    };
+    run(visits, || clock.0.set(clock.0.get() + 100));
+    fake.asked.borrow_mut().dedup();
+    assert_eq!(fake.asked.borrow()[..], [3, 1, 2]);
 }
 
 #[test]
