@@ -35,7 +35,7 @@ use serde::Serialize;
 pub use crate::effect::{Effect, Value};
 use crate::effect::{Law, Site, as_str};
 pub use crate::measured::Measured;
-use crate::measurement::Finding;
+use crate::measurement::{Finding, FindingKind};
 pub use crate::misreading::Misreading;
 pub use crate::rejection::Rejection;
 pub use crate::select::forward::SelectionStep;
@@ -96,6 +96,22 @@ pub struct Diagnosis {
     pub seed: u64,
     /// Of this program.
     pub version: &'static str,
+}
+
+impl Diagnosis {
+    /// What a person does next: first about conditions that were not read, then what the verdict asks for.
+    pub fn next_step(&self) -> String {
+        let unread = self.findings.iter().filter(|finding| finding.kind == FindingKind::UnreadCondition);
+        let columns: Vec<&str> = unread.filter_map(|finding| finding.column.as_deref()).collect();
+        let step = self.verdict.next_step();
+        match &columns[..] {
+            [] => step.into(),
+            columns => format!(
+                "give {} a unit and diagnose again: no effect of what was not read is tested. With the columns read so far: {step}",
+                columns.join(" and ")
+            ),
+        }
+    }
 }
 
 /// The answer in one word.

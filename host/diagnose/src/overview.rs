@@ -11,6 +11,8 @@ use serde::Serialize;
 
 use crate::error::DiagnoseError;
 use crate::measurement::column::Column;
+pub use crate::measurement::condition::UnreadCondition;
+use crate::measurement::condition::unread;
 use crate::measurement::poses::{self, Which};
 use crate::measurement::table::{Names, Table};
 use crate::measurement::{Finding, FindingKind};
@@ -40,6 +42,9 @@ pub struct Overview {
     /// The same, by column and unit.
     #[serde(skip)]
     pub doubts: Vec<UnitDoubt>,
+    /// Conditions that are not read; empty of a log without words.
+    #[serde(skip)]
+    pub unread: Vec<UnreadCondition>,
     /// What else its owner should know.
     pub findings: Vec<Finding>,
     /// What can be diagnosed from it; empty where no kind of measurement has its columns.
@@ -126,7 +131,12 @@ struct Rows {
 /// The file is not a table of measurements, or `how` names a column that it does not have.
 pub fn overview(path: &Path, names: &Names, how: &Preparation) -> Result<Overview, DiagnoseError> {
     let (table, mut findings) = Table::read(path, names)?;
-    let columns: Vec<ColumnOverview> = table.columns.iter().map(|column| self::column(&table, column)).collect();
+    let unread = if table.quantity("word").is_some() { unread(&table) } else { Vec::new() };
+    let mut columns: Vec<ColumnOverview> = table.columns.iter().map(|column| self::column(&table, column)).collect();
+    for column in &mut columns {
+        let condition = unread.iter().find(|condition| condition.column == column.name);
+        column.meaning.extend(condition.map(|condition| format!(", {}: not read", condition.fault)));
+    }
     let Rows { held_out, repeats, findings: of_rows, clock } = match table.quantity("word") {
         Some(_) => visits(&table, how)?,
         None => signals(&table, how)?,
@@ -147,6 +157,7 @@ pub fn overview(path: &Path, names: &Names, how: &Preparation) -> Result<Overvie
         held_out,
         questions,
         doubts,
+        unread,
         findings,
         possible,
     })

@@ -3,6 +3,13 @@
 import { post } from './server.js';
 import { byId, make, setText } from './format.js';
 
+// Units whose names in files are not their symbols.
+const SYMBOLS = {
+  n: 'N', kn: 'kN', nm: 'N·m', mnm: 'mN·m', ncm: 'N·cm', nmm: 'N·mm', pa: 'Pa', hpa: 'hPa', kpa: 'kPa', mpa: 'MPa', psi: 'psi', a: 'A', ma: 'mA',
+  v: 'V', mv: 'mV', k: 'K', c: '°C', us: 'µs', um: 'µm', deg: '°', rad_s: 'rad/s', deg_s: '°/s', rad_s2: 'rad/s²', deg_s2: '°/s²', m_s: 'm/s',
+  mm_s: 'mm/s', m_s2: 'm/s²', mm_s2: 'mm/s²', rpm: '1/min',
+};
+const unitLabel = (unit) => SYMBOLS[unit] ?? unit;
 const number = (value) => String(Number(value.toPrecision(6)));
 
 export class Columns {
@@ -73,14 +80,17 @@ export class Columns {
     else view.columns.forEach((column, index) => setText(byId('columns').rows[index].lastElementChild, column.meaning || '?'));
   }
 
-  doubt({ column, question, unit }) {
-    const button = make('button', { type: 'button', className: 'small' }, `Read ${column} in ${unit}`);
-    button.addEventListener('click', () => {
-      const row = [...byId('columns').rows].find((one) => one.dataset.column === column);
-      row.querySelector('select').value = unit;
-      this.edited();
+  doubt({ column, question, units }) {
+    const buttons = units.flatMap((unit) => {
+      const button = make('button', { type: 'button', className: 'small' }, `Read ${column} in ${unitLabel(unit)}`);
+      button.addEventListener('click', () => {
+        const row = [...byId('columns').rows].find((one) => one.dataset.column === column);
+        row.querySelector('select').value = unit;
+        this.edited();
+      });
+      return [button, ' '];
     });
-    return make('li', {}, `${question} `, button);
+    return make('li', {}, `${question} `, ...buttons);
   }
 
   fill(view) {
@@ -95,7 +105,7 @@ export class Columns {
     holds.setAttribute('list', 'quantities');
     const known = units.includes(column.unit) || !column.unit ? units : [...units, column.unit];
     const unit = make('select', { ariaLabel: `Unit of ${column.column}` },
-      make('option', { value: '' }, 'no unit'), ...known.map((name) => make('option', { value: name }, name)));
+      make('option', { value: '' }, 'no unit'), ...known.map((name) => make('option', { value: name }, unitLabel(name))));
     unit.value = column.unit;
     for (const field of [holds, unit]) field.addEventListener('change', () => this.edited());
     const numbers = column.others ? `${column.numbers}, ${column.others} others` : String(column.numbers);

@@ -61,7 +61,7 @@ fn verdict(diagnosis: &Diagnosis) -> Markup {
     html! {
         section {
             h2 { (verdict) }
-            p.next { b { "Next: " } (diagnosis.verdict.next_step()) }
+            p.next { b { "Next: " } (diagnosis.next_step()) }
             @for sentence in others { p { (sentence) } }
         }
     }

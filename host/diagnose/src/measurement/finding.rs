@@ -47,6 +47,8 @@ pub enum FindingKind {
     SuspectedUnit,
     /// A column never changes.
     ConstantColumn,
+    /// A condition is not read: the unit of its column is missing or of another quantity.
+    UnreadCondition,
     /// Columns are not read.
     UnreadColumns,
     /// The log has joints that the model has not.

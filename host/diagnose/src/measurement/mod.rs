@@ -36,6 +36,7 @@
 
 mod check;
 pub(crate) mod column;
+pub(crate) mod condition;
 mod csv;
 pub mod csv_text;
 mod error;

@@ -8,6 +8,7 @@ use darm_core::se::{Pose, Pose2};
 use darm_core::units::Word;
 
 use super::column::Column;
+use super::condition::{UnreadCondition, unread};
 use super::error::{ReadError, SelectError};
 use super::hold_out::{HeldOut, HoldOut};
 use super::select::Selection;
@@ -172,12 +173,15 @@ impl<'a> Columns<'a> {
         let optional = [self.previous, self.supply, self.temperature, self.run, self.visit];
         let optional = optional.into_iter().flatten().chain(self.strokes.iter().copied());
         let known: Vec<&str> = self.needed().chain(optional).map(|column| &column.name[..]).collect();
-        let unread = |column: &&Column| !known.contains(&&column.name[..]) && column.meaning() != "held_out";
-        let unread: Vec<&str> = self.table.columns.iter().filter(unread).map(|column| &column.name[..]).collect();
-        let mut findings = Vec::new();
-        if !unread.is_empty() {
-            findings
-                .push(Finding::note(FindingKind::UnreadColumns, format!("columns not read: {}", unread.join(", "))));
+        let conditions = unread(self.table);
+        let is_condition = |name: &str| conditions.iter().any(|condition| condition.column == name);
+        let mut findings: Vec<Finding> = conditions.iter().map(unread_condition).collect();
+        let columns = self.table.columns.iter().filter(|column| column.meaning() != "held_out");
+        let names = columns.map(|column| &column.name[..]);
+        let others: Vec<&str> = names.filter(|name| !known.contains(name) && !is_condition(name)).collect();
+        if !others.is_empty() {
+            let text = format!("columns not read: {}", others.join(", "));
+            findings.push(Finding::note(FindingKind::UnreadColumns, text));
         }
         let in_degrees = self.servos.iter().filter(|column| column.in_degrees());
         let max_deg = in_degrees.flat_map(|column| &column.numbers).fold(0f64, |max, q| max.max(q.to_degrees().abs()));
@@ -189,6 +193,13 @@ impl<'a> Columns<'a> {
         }
         findings
     }
+}
+
+/// That a condition is not read.
+fn unread_condition(UnreadCondition { column, quantity, fault, units }: &UnreadCondition) -> Finding {
+    let names: Vec<String> = units.iter().map(|unit| format!("{quantity}_{unit}")).collect();
+    let text = format!("column {column} is not read: {quantity}, {fault}; name it {}", names.join(" or "));
+    Finding::note(FindingKind::UnreadCondition, text).in_column(column)
 }
 
 /// One row with what is needed to say what is wrong with it.

@@ -73,8 +73,8 @@ struct DoubtView {
     /// Name of the column in the file.
     column: String,
     question: String,
-    /// The unit that it may be.
-    unit: &'static str,
+    /// The units that it may be in.
+    units: Vec<&'static str>,
 }
 
 /// Who reads a file.
@@ -129,18 +129,19 @@ pub(super) fn view(data: &Path, given: &[ReadAs]) -> Result<LogView, LogFault> {
     );
     notes.truncate(MAX_NOTES);
     let possible = overview.as_ref().map_or_else(Vec::new, |overview| overview.possible.clone());
+    let units = reader.units();
     Ok(LogView {
         n_rows: reader.n_rows(),
         is_converted: matches!(reader, Reader::Import(_)),
         model: about(data).ok().and_then(|about| Origin::find(&about)).map(|origin| origin.model.to_string()),
-        doubts: overview.as_ref().map_or_else(Vec::new, |overview| doubts(overview, &columns)),
+        doubts: overview.as_ref().map_or_else(Vec::new, |overview| doubts(overview, &columns, &units)),
         missing: if possible.is_empty() { missing(&columns) } else { Vec::new() },
         columns: columns.iter().map(|read_as| reader.column(read_as, overview.as_ref())).collect(),
         problem: problem.filter(|_| !possible.is_empty() || overview.is_none()),
         possible,
         notes,
         quantities: overview::quantities().collect(),
-        units: reader.units(),
+        units,
     })
 }
 
@@ -357,14 +358,20 @@ fn name(read_as: &ReadAs) -> String {
     }
 }
 
-/// Units that look wrong, by the names of the columns in the file.
-fn doubts(overview: &Overview, columns: &[ReadAs]) -> Vec<DoubtView> {
+/// Units that look wrong and units that are missing, by the names of the columns in the file.
+fn doubts(overview: &Overview, columns: &[ReadAs], known: &[&str]) -> Vec<DoubtView> {
     let source = |name: &str| columns.iter().find(|column| column.column == name || target(column) == name);
-    let view = |doubt: &overview::UnitDoubt| {
-        let column = source(&doubt.column)?.column.clone();
-        Some(DoubtView { column, question: format!("{}?", doubt.question), unit: doubt.unit })
+    let view = |name: &str, text: &dyn Fn(&str) -> String, units: &[&'static str]| {
+        let column = source(name)?.column.clone();
+        let units = units.iter().copied().filter(|unit| known.contains(unit)).collect();
+        Some(DoubtView { question: text(&column), column, units })
     };
-    overview.doubts.iter().filter_map(view).collect()
+    let doubts = overview.doubts.iter().filter(|doubt| overview.unread.iter().all(|one| one.column != doubt.column));
+    let doubts = doubts.filter_map(|doubt| view(&doubt.column, &|_| format!("{}?", doubt.question), &[doubt.unit]));
+    let unread = overview.unread.iter().filter_map(|one| {
+        view(&one.column, &|column| format!("{column}: {}, {}: not read.", one.quantity, one.fault), one.units)
+    });
+    unread.chain(doubts).collect()
 }
 
 /// Quantities that no column is read as, of those that the diagnosis of an arm needs.

@@ -79,7 +79,7 @@ fn report(diagnosis: &Diagnosis) -> Markup {
         section #verdict-section tabindex="-1" aria-labelledby="verdict-title" data-verdict=(diagnosis.verdict) {
             h2 #verdict-title { "Verdict" }
             p.verdict { (verdict) }
-            p.next { b { "Next: " } (diagnosis.verdict.next_step()) }
+            p.next { b { "Next: " } (diagnosis.next_step()) }
             @for sentence in others { p { (sentence) } }
         }
         section aria-labelledby="sampling-title" {

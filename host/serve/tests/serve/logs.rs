@@ -84,8 +84,8 @@ fn a_wrong_unit_is_asked_about_and_a_missing_column_is_named() {
     let pascal = recording().replace("supply_bar", "supply_pa");
     let seen = look(&bench, &pascal, json!([]));
     assert_eq!(
-        (&seen["doubts"][0]["column"], &seen["doubts"][0]["unit"]),
-        (&json!("supply_pa"), &json!("bar")),
+        (&seen["doubts"][0]["column"], &seen["doubts"][0]["units"]),
+        (&json!("supply_pa"), &json!(["bar"])),
         "{seen}"
     );
     let corrected = look(&bench, &pascal, json!([read_as("supply_pa", "supply", "bar")]));
@@ -101,6 +101,24 @@ fn a_wrong_unit_is_asked_about_and_a_missing_column_is_named() {
     assert!(twice["problem"].as_str().unwrap().contains("two columns are read as previous"), "{twice}");
     let head = json!({"known": served(&bench), "columns": [read_as("state", "word", "")]});
     assert_eq!(send(&bench, "/api/diagnosis/run", &renamed, head).json()["verdict"], "effect-found");
+}
+
+#[test]
+fn a_condition_without_a_unit_is_not_read_and_said_first() {
+    let bench = Bench::start("planar4.toml");
+    let text = recording().replace("supply_bar", "supply").replace("temperature_c", "Temp");
+    let seen = look(&bench, &text, json!([]));
+    let meaning = |column: usize| seen["columns"][column]["meaning"].as_str().unwrap().to_owned();
+    assert_eq!(meaning(6), "supply pressure, unit missing: not read", "{seen}");
+    assert_eq!(meaning(7), "temperature, unit missing: not read", "{seen}");
+    assert_eq!(seen["doubts"][0]["units"], json!(["bar", "kpa", "pa"]), "{seen}");
+    assert_eq!(seen["doubts"][1]["question"], "Temp: temperature, unit missing: not read.", "{seen}");
+    let result = send(&bench, "/api/diagnosis/run", &text, json!({"known": served(&bench)})).json();
+    let html = result["html"].as_str().unwrap();
+    assert!(html.contains("<b>Next: </b>give supply and Temp a unit and diagnose again"), "{html}");
+    let columns = json!([read_as("supply", "supply", "bar"), read_as("Temp", "temp", "c")]);
+    let seen = look(&bench, &text, columns);
+    assert_eq!((&seen["doubts"], &seen["columns"][7]["meaning"]), (&json!([]), &json!("temperature")), "{seen}");
 }
 
 #[test]

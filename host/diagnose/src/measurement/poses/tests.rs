@@ -86,6 +86,21 @@ fn other_columns_are_told() {
 }
 
 #[test]
+fn a_condition_without_a_unit_is_reported_by_itself() {
+    let (run, findings) = read("time_s,word,x_m,y_m,angle_deg,temp,humidity,supply\n0,01,0,0,0,20,40,6\n").unwrap();
+    assert_eq!((run.samples[0].temperature_c, run.samples[0].supply), (None, None));
+    let texts: Vec<String> = findings.iter().map(ToString::to_string).collect();
+    assert_eq!(
+        texts,
+        [
+            "column supply is not read: supply, unit missing; name it supply_bar or supply_kpa or supply_pa",
+            "column temp is not read: temperature, unit missing; name it temperature_c or temperature_k",
+            "columns not read: humidity"
+        ]
+    );
+}
+
+#[test]
 fn a_compressed_file_is_read_as_it_was_written() {
     let folder = tempfile::tempdir().unwrap();
     let (run, _) = read(&format!("{HEADER}0.25,010,,1.5,-0.25,90,5.9,21.5,0,0,0\n")).unwrap();
