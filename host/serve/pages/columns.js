@@ -10,6 +10,7 @@ const SYMBOLS = {
   mm_s: 'mm/s', m_s2: 'm/s²', mm_s2: 'mm/s²', rpm: '1/min',
 };
 const unitLabel = (unit) => SYMBOLS[unit] ?? unit;
+const [holdsOf, unitOf] = [(row) => row.querySelector('.holds'), (row) => row.querySelector('.unit')];
 const number = (value) => String(Number(value.toPrecision(6)));
 
 export class Columns {
@@ -38,7 +39,7 @@ export class Columns {
 
   fields() {
     return [...byId('columns').rows].map((row) => ({
-      column: row.dataset.column, quantity: row.querySelector('input').value.trim().toLowerCase(), unit: row.querySelector('select').value,
+      column: row.dataset.column, quantity: holdsOf(row).value, unit: unitOf(row).value,
     }));
   }
 
@@ -85,7 +86,7 @@ export class Columns {
       const button = make('button', { type: 'button', className: 'small' }, `Read ${column} in ${unitLabel(unit)}`);
       button.addEventListener('click', () => {
         const row = [...byId('columns').rows].find((one) => one.dataset.column === column);
-        row.querySelector('select').value = unit;
+        unitOf(row).value = unit;
         this.edited();
       });
       return [button, ' '];
@@ -95,16 +96,17 @@ export class Columns {
 
   fill(view) {
     byId('log-details').open = view.possible.length === 0 || view.problem !== null;
-    byId('quantities').replaceChildren(...view.quantities.map(([value, label]) => make('option', { value, label })));
-    byId('columns').replaceChildren(...view.columns.map((column) => this.row(column, view.units)));
+    byId('columns').replaceChildren(...view.columns.map((column) => this.row(column, view)));
   }
 
-  row(column, units) {
+  row(column, { units, quantities }) {
     const titles = [...byId('columns').closest('table').querySelectorAll('th')].map((th) => th.textContent);
-    const holds = make('input', { value: column.quantity, ariaLabel: `${column.column} holds` });
-    holds.setAttribute('list', 'quantities');
+    const own = quantities.some(([value]) => value === column.quantity) || !column.quantity ? [] : [[column.quantity, column.quantity]];
+    const holds = make('select', { className: 'holds', ariaLabel: `${column.column} holds` }, make('option', { value: '' }, 'not read'),
+      ...[...own, ...quantities].map(([value, label]) => make('option', { value }, value === label ? value : `${value}: ${label}`)));
+    holds.value = column.quantity;
     const known = units.includes(column.unit) || !column.unit ? units : [...units, column.unit];
-    const unit = make('select', { ariaLabel: `Unit of ${column.column}` },
+    const unit = make('select', { className: 'unit', ariaLabel: `Unit of ${column.column}` },
       make('option', { value: '' }, 'no unit'), ...known.map((name) => make('option', { value: name }, unitLabel(name))));
     unit.value = column.unit;
     for (const field of [holds, unit]) field.addEventListener('change', () => this.edited());

@@ -3,6 +3,8 @@
 use crate::measurement::column::Column;
 use crate::measurement::table::Table;
 
+/// Joints whose quantities are listed.
+const MAX_JOINTS: usize = 12;
 /// Quantities of numbered columns.
 const NUMBERED: [(&str, &str); 7] = [
     ("q", "position of joint"),
@@ -52,9 +54,11 @@ const OTHERS: [(&str, &str); 33] = [
     ("fresh", "1 in rows with a new posture"),
 ];
 
-/// Quantities that a column can hold, with what they are: those of the first joint stand for all.
+/// Quantities that a column can hold, with what they are; of joints the first [`MAX_JOINTS`].
 pub fn quantities() -> impl Iterator<Item = (String, String)> {
-    let numbered = NUMBERED.iter().map(|(quantity, what)| (format!("{quantity}1"), format!("{what} 1")));
+    let joint =
+        |k: usize| NUMBERED.iter().map(move |(quantity, what)| (format!("{quantity}{k}"), format!("{what} {k}")));
+    let numbered = (1..=MAX_JOINTS).flat_map(joint);
     let others = OTHERS.iter().map(|(quantity, what)| ((*quantity).to_owned(), (*what).to_owned()));
     others.chain([("x".to_owned(), "position of the tool, x".to_owned())]).chain(numbered)
 }

@@ -170,8 +170,9 @@ pub(super) fn without_option(error: &DiagnoseError) -> String {
 /// The sentence that a quantity is missing, for a page.
 pub(super) fn no_quantity(path: &Path, column: &str) -> String {
     format!(
-        "{}: no column is read as {column}; choose what a column holds, and its unit, under `Columns of the measurements`",
-        path.display()
+        "{}: no column is read as {}; choose what a column holds, and its unit, under `Columns of the measurements`",
+        path.display(),
+        unit::split(column).0
     )
 }
 

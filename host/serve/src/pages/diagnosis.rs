@@ -71,14 +71,13 @@ fn columns() -> Markup {
             ul #log-problems .problems {}
             details #log-details {
                 summary #log-summary {}
-                p.note { "What a column holds is a quantity of the list; of joint 2 it is " code { "q2" } ", " code { "tau2" } " …. A column of no quantity is not read." }
+                p.note { "What a column holds is a quantity of the list; of joint 2 it is " code { "q2" } ", " code { "tau2" } " …. Each quantity has its own unit." }
                 div.scroll tabindex="0" role="region" aria-labelledby="log-title" {
                     table.cards {
                         thead { tr { @for title in ["Column", "Numbers", "In the file", "Holds", "In", "Taken for"] { th scope="col" { (title) } } } }
                         tbody #columns {}
                     }
                 }
-                datalist #quantities {}
             }
             ul #log-notes .notes {}
         }

@@ -97,6 +97,10 @@ fn a_wrong_unit_is_asked_about_and_a_missing_column_is_named() {
     let text = refused.json()["refused"]["text"].as_str().unwrap().to_owned();
     assert!(refused.status == 422 && text.starts_with("log.csv: no column is read as word"), "{text}");
     assert!(!text.contains("--"), "an option of the command line: {text}");
+    let late = recording().replace("time_s,", "when,");
+    let refused = send(&bench, "/api/diagnosis/run", &late, json!({"known": served(&bench)}));
+    let text = refused.json()["refused"]["text"].as_str().unwrap().to_owned();
+    assert!(text.starts_with("log.csv: no column is read as time; choose"), "the word of the page: {text}");
     let twice = look(&bench, &renamed, json!([read_as("state", "previous", "")]));
     assert!(twice["problem"].as_str().unwrap().contains("two columns are read as previous"), "{twice}");
     let head = json!({"known": served(&bench), "columns": [read_as("state", "word", "")]});
@@ -141,8 +145,13 @@ fn a_person_with_a_log_alone_writes_a_corrected_model() {
     browser.wait("document.querySelector('#known')?.selectedOptions[0].textContent.includes('arm of this server')");
     browser.choose("#data", file.to_str().unwrap());
     browser.wait("document.querySelector('#log-text').textContent.includes('word, angle are missing')");
+    let options = "[...document.querySelector('#columns .holds').options].some((option) => option.value === 'tau3')";
+    assert_eq!(browser.value(options), true, "all quantities are listed");
+    let units = "[...document.querySelector('#columns .unit').options].map((option) => option.textContent).join(' ')";
+    let units = browser.value(units).as_str().unwrap().to_owned();
+    assert!(["N·m", "mA", "°/s²", "K"].iter().all(|unit| units.split(' ').any(|own| own == *unit)), "{units}");
     for (column, quantity) in [(1, "word"), (2, "previous"), (5, "angle"), (6, "supply")] {
-        let field = format!("document.querySelector('#columns').rows[{column}].querySelector('input')");
+        let field = format!("document.querySelector('#columns').rows[{column}].querySelector('.holds')");
         browser.value(&format!("{field}.value = '{quantity}'"));
         browser.value(&format!("{field}.dispatchEvent(new Event('change'))"));
         browser
