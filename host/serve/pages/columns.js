@@ -11,6 +11,9 @@ const SYMBOLS = {
 };
 const unitLabel = (unit) => SYMBOLS[unit] ?? unit;
 const [holdsOf, unitOf] = [(row) => row.querySelector('.holds'), (row) => row.querySelector('.unit')];
+// Rows are not numbered in place of it: effects over time would be tested against a time that nobody measured.
+const NO_TIME = 'Where the file has none, add a column time_s, when each row was measured in s from the first one: drift, creep and '
+  + 'steps are tested over time, and rows are held out by it. darm record writes it.';
 const number = (value) => String(Number(value.toPrecision(6)));
 
 export class Columns {
@@ -71,7 +74,8 @@ export class Columns {
     const how = view.problem ? `${view.problem}.` : kinds ? `It can be diagnosed as ${kinds}.` : '';
     const missing = view.missing.length
       ? `For the diagnosis of an arm ${view.missing.join(', ')} ${view.missing.length > 1 ? 'are' : 'is'} missing: choose below which column holds ${view.missing.length > 1 ? 'them' : 'it'}.` : '';
-    setText(byId('log-text'), `${view.n_rows} rows${source}. ${how} ${missing}`);
+    const time = view.missing.includes('time') ? NO_TIME : '';
+    setText(byId('log-text'), `${view.n_rows} rows${source}. ${how} ${missing} ${time}`);
     byId('log-problems').replaceChildren(...view.doubts.map((doubt) => this.doubt(doubt)));
     const better = view.possible.flatMap((one) => one.missing.map((what) => `Better with ${what}.`));
     byId('log-notes').replaceChildren(...[...better, ...view.notes].map((note) => make('li', {}, note)));

@@ -143,6 +143,10 @@ fn a_person_with_a_log_alone_writes_a_corrected_model() {
     std::fs::write(&file, foreign()).unwrap();
     browser.open(&format!("http://{}/diagnosis", bench.address()));
     browser.wait("document.querySelector('#known')?.selectedOptions[0].textContent.includes('arm of this server')");
+    let no_time = folder.path().join("no-time.csv");
+    std::fs::write(&no_time, recording().replace("time_s,", "when,")).unwrap();
+    browser.choose("#data", no_time.to_str().unwrap());
+    browser.wait("document.querySelector('#log-text').textContent.includes('add a column time_s')");
     browser.choose("#data", file.to_str().unwrap());
     browser.wait("document.querySelector('#log-text').textContent.includes('word, angle are missing')");
     let options = "[...document.querySelector('#columns .holds').options].some((option) => option.value === 'tau3')";
