@@ -107,6 +107,18 @@ fn line(setting: &Setting) -> Line {
     }
 }
 
+impl Report {
+    /// The adjustments in a sentence: `actuator 3 (leg), stop out, 0.512 mm out; …`.
+    pub(super) fn sentence(&self) -> String {
+        let one = |line: &Line| {
+            let ([.., change], unit) = line.values.shown();
+            format!("{} (actuator {}), {}, {change:.3} {unit} {}", line.name, line.actuator, line.part, line.direction)
+        };
+        let all: Vec<String> = self.settings.iter().map(one).collect();
+        if all.is_empty() { "none has to be turned".into() } else { all.join("; ") }
+    }
+}
+
 impl Answer for Report {
     fn text(&self) -> String {
         let below = match self.below_resolution {

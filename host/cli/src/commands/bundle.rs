@@ -113,7 +113,8 @@ impl Bundle {
         let task = Task { model: &self.model, data: &self.data, new_model: None };
         let run = || -> anyhow::Result<Outcome> {
             let (diagnosis, _) = self.how.diagnose(task, ui)?;
-            let (verdict, page) = (diagnosis.verdict.to_string(), page(&diagnosis, &self.model, &self.data)?);
+            let (verdict, page) =
+                (diagnosis.verdict.to_string(), page(&diagnosis, &diagnosis.next_step(), &self.model, &self.data)?);
             let json = ui::json(&Report::new(diagnosis))?;
             let files = vec![("verdict.json".into(), json.into_bytes()), ("report.html".into(), page.into_bytes())];
             Ok(Outcome { verdict: Some(verdict), error: None, files })

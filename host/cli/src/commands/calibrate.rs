@@ -118,7 +118,8 @@ impl Calibrate {
         let (state, looks, last) = until_the_end(&task, &mut board)?;
         let mut result = Calibrated::new(&state, looks, &last, &self.folder);
         folder.keep_run(&state.run)?;
-        folder.keep_report(&last.outcome.diagnosis, &self.arm)?;
+        let diagnosis = &last.outcome.diagnosis;
+        folder.keep_report(diagnosis, &diagnosis.next_step(), &self.arm)?;
         if let Some(corrected) = last.outcome.correction.corrected(&wired.arm, &state.run, Keep::Effects) {
             result.model = Some(folder.keep_arm("model.toml", &corrected)?);
             let (better, table) = words(&corrected, &frames, &board)?;
@@ -129,6 +130,8 @@ impl Calibrate {
                 result.uploaded = Some(board.upload(&table)?);
             }
             result.adjusted = Some(adjusted(&corrected, &frames, &folder, self.seed)?);
+            // Again, with the files that are written now.
+            folder.keep_report(diagnosis, &result.next_step(), &self.arm)?;
         }
         ui.print(&result)
     }

@@ -103,19 +103,19 @@ impl Diagnose {
             ui.note(NOTHING_TO_WRITE);
         }
         if let Some(path) = &self.report {
-            output_file::write_text(path, Syntax::Html, &page(&diagnosis, model, &self.data)?)?;
+            output_file::write_text(path, Syntax::Html, &page(&diagnosis, &diagnosis.next_step(), model, &self.data)?)?;
         }
         ui.print(&Report { diagnosis, output, asked })
     }
 }
 
-/// The page of a diagnosis, with the digests of its files.
-pub(super) fn page(diagnosis: &Diagnosis, model: &Path, data: &Path) -> anyhow::Result<String> {
+/// The page of a diagnosis, with what to do next and the digests of its files.
+pub(super) fn page(diagnosis: &Diagnosis, next: &str, model: &Path, data: &Path) -> anyhow::Result<String> {
     let read = |kind, path: &Path| {
         SourceFile::read(kind, path).with_context(|| format!("cannot read {} for its digest", path.display()))
     };
     let files = [read("model", model)?, read("measurements", data)?];
-    Ok(diagnosis_page(diagnosis, &files, SystemTime::now()).into_string())
+    Ok(diagnosis_page(diagnosis, next, &files, SystemTime::now()).into_string())
 }
 
 impl Report {

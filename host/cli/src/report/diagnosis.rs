@@ -34,15 +34,15 @@ impl SourceFile {
     }
 }
 
-/// The page of a diagnosis of these files, the model first, made at this time.
-pub fn diagnosis_page(diagnosis: &Diagnosis, files: &[SourceFile], at: SystemTime) -> Markup {
+/// The page of a diagnosis of these files, the model first, made at this time; `next` is what a person does next.
+pub fn diagnosis_page(diagnosis: &Diagnosis, next: &str, files: &[SourceFile], at: SystemTime) -> Markup {
     let name = files.first().map_or(diagnosis.kind.as_str(), |file| file.name.as_str());
     let body = html! {
         header {
             h1 { "Diagnosis of " (name) }
             p.sub { (diagnosis.kind) @if let Some(model) = diagnosis.model { " · model " (model) } " · " (date(at)) }
         }
-        (verdict(diagnosis))
+        (verdict(diagnosis, next))
         section { h2 { "Evidence" } (tables_and_plots(diagnosis)) }
         @if !diagnosis.findings.is_empty() {
             section { h2 { "Notes on the data" } @for finding in &diagnosis.findings { p { (finding) } } }
@@ -53,7 +53,7 @@ pub fn diagnosis_page(diagnosis: &Diagnosis, files: &[SourceFile], at: SystemTim
     skeleton(name, &body)
 }
 
-fn verdict(diagnosis: &Diagnosis) -> Markup {
+fn verdict(diagnosis: &Diagnosis, next: &str) -> Markup {
     let (verdict, others) = match &diagnosis.plain[..] {
         [verdict, others @ ..] => (verdict.as_str(), others),
         [] => ("", &[][..]),
@@ -61,7 +61,7 @@ fn verdict(diagnosis: &Diagnosis) -> Markup {
     html! {
         section {
             h2 { (verdict) }
-            p.next { b { "Next: " } (diagnosis.next_step()) }
+            p.next { b { "Next: " } (next) }
             @for sentence in others { p { (sentence) } }
         }
     }

@@ -73,6 +73,11 @@ fn a_calibration_continues_with_the_look_that_is_not_complete() {
         |name: &str| std::fs::read_to_string(home.path(name)).unwrap().split_once("[[effect]]").unwrap().1.to_owned();
     assert_eq!(effects("calibration/model.toml"), effects("model.toml"));
     home.succeeds("table --show calibration/words.darm");
+    let page = std::fs::read_to_string(home.path("calibration/report.html")).unwrap();
+    let next = page.split_once("<b>Next: </b>").unwrap().1.split_once("</p>").unwrap().0;
+    for named in ["words.darm", "adjusted.toml", "model.toml", " mm "] {
+        assert!(next.contains(named), "{named}: {next}");
+    }
     home.succeeds("adjust calibration/model.toml calibration/adjusted.toml");
 }
 

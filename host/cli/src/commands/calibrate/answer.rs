@@ -101,6 +101,23 @@ impl Calibrated {
         }
     }
 
+    /// What a person does with the files that were written.
+    pub(super) fn next_step(&self) -> String {
+        let words = match &self.uploaded {
+            Some(_) => "play words.darm, which the board has",
+            None if self.has_nearest_words() => "keep the words, which words.darm has: they are the nearest already",
+            None => "`darm upload` words.darm, the nearest words for the arm as it is",
+        };
+        let stops = self.adjusted.as_ref().map_or(String::new(), |adjusted| {
+            format!("; or turn the stops, which gives the arm adjusted.toml: {}", adjusted.report.sentence())
+        });
+        format!("{words}{stops}. model.toml is the corrected model; diagnose the next recording with it.")
+    }
+
+    fn has_nearest_words(&self) -> bool {
+        self.frames.iter().all(|frame| frame.word == frame.better_word)
+    }
+
     /// The measured errors before and after, in a sentence.
     fn measured(&self) -> Option<String> {
         let both = self.frames.iter().filter_map(|frame| frame.measured_m.zip(frame.better_measured_m));
@@ -192,7 +209,7 @@ impl Answer for Calibrated {
             let words = shown(&self.folder, "words.darm");
             lines.push(match &self.uploaded {
                 Some(digest) => format!("uploaded the nearest words: table {}", digest.get(..16).unwrap_or(digest)),
-                None if self.frames.iter().all(|frame| frame.word == frame.better_word) => {
+                None if self.has_nearest_words() => {
                     "the words are the nearest already: only other stops bring the tool nearer".to_owned()
                 }
                 None => format!("to use the nearest words with the arm as it is: `darm upload {words}`"),

@@ -124,9 +124,9 @@ impl Folder {
         output_file::write_all(&[(&self.file(RUN), write_text(run).as_bytes())])
     }
 
-    /// Keeps the page of the diagnosis of all rows.
-    pub(super) fn keep_report(&self, diagnosis: &Diagnosis, arm: &Path) -> anyhow::Result<()> {
-        let page = diagnose::page(diagnosis, arm, &self.file(RUN))?;
+    /// Keeps the page of the diagnosis of all rows, with what to do next.
+    pub(super) fn keep_report(&self, diagnosis: &Diagnosis, next: &str, arm: &Path) -> anyhow::Result<()> {
+        let page = diagnose::page(diagnosis, next, arm, &self.file(RUN))?;
         output_file::write_all(&[(&self.file(REPORT), page.as_bytes())])
     }
 
