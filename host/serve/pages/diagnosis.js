@@ -90,7 +90,10 @@ async function showModels() {
   models = await get('/api/diagnosis/models', 10_000);
   const select = byId('known');
   const [before, isFirst] = [select.value, select.options.length === 1];
-  const label = (model) => `${modelName(model)}, ${short(model.digest)}${model.is_served ? ' (arm of this server)' : ''}`;
+  const isAlone = (model) => models.filter((other) => other.name === model.name).length === 1;
+  const origin = ({ effect, data, at_ms }) => [effect, `after ${data}`, new Date(at_ms).toLocaleTimeString('sv').slice(0, 5)].filter(Boolean).join(', ');
+  const end = (model) => (model.origin && !isAlone(model) ? origin(model.origin) : short(model.digest));
+  const label = (model) => `${modelName(model)}, ${end(model)}${model.is_served ? ' (arm of this server)' : ''}`;
   select.replaceChildren(select.options[0], ...models.map((model) => make('option', { value: model.digest }, label(model))));
   const served = models.find((model) => model.is_served);
   select.value = isFirst && served && !byId('model').files.length ? served.digest : before;

@@ -19,6 +19,8 @@ let predicted = null;
 let hasPicture = false;
 let shownPicture = -1;
 let lastEvent = '';
+// The table for which another model is explained.
+let explained = null;
 let live = null;
 
 // The library of the picture is large and WebGL slow to begin: control and values do not wait for them.
@@ -61,7 +63,23 @@ async function fetchPicture(number) {
 
 // ---------------------------------------------------------------- state
 
-function showPhase({ phase, rows, has_other_model }) {
+// Which model the table on the board was made for, where the history knows it, and what to do.
+async function explainModel(table) {
+  explained = table;
+  let name = null;
+  try {
+    const history = await get('/api/history', 10_000);
+    const model = history?.tables.find((one) => one.digest === table)?.model;
+    name = history?.models.find((one) => one.digest === model)?.name ?? null;
+  } catch {
+    // The step is shown without the name.
+  }
+  const file = name?.endsWith('.toml') ? name : null;
+  setText(byId('picture-note'), `The table on the board was made for ${file ?? 'another model'}, not for this arm. Next: end darm serve and start it with `
+    + `that model, \`darm serve ${file ?? 'MODEL.toml'}\`, or upload a table of this arm on the page Program.`);
+}
+
+function showPhase({ phase, rows, table, has_other_model }) {
   const isRunning = phase.name === 'playing' || phase.name === 'approaching';
   const row = phase.name === 'playing' ? `, row ${phase.row} of ${rows}` : '';
   const fault = phase.fault ? `: ${phase.fault.text}. Remove the cause, then clear it.` : '';
@@ -75,7 +93,7 @@ function showPhase({ phase, rows, has_other_model }) {
     bar.value = rows ? (phase.row ?? 0) / rows : 0;
     setText(time, ` ${(phase.since_s ?? 0).toFixed(1)} s`);
   }
-  if (has_other_model) setText(byId('picture-note'), 'The table on the board was made for another model than this arm.');
+  if (has_other_model && table !== explained) explainModel(table);
 }
 
 function showFacts(board) {

@@ -3,7 +3,7 @@
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::history::Kind as Entry;
+use crate::history::{History, Kind as Entry};
 use crate::hub::Hub;
 use crate::refusal::{Kind, Refused};
 use crate::served_arm::ServedArm;
@@ -18,8 +18,20 @@ pub(super) struct KnownModel {
     /// Name of its file.
     name: String,
     number: Option<u64>,
+    /// The diagnosis that it was corrected after.
+    origin: Option<OriginView>,
     /// It is the arm that the server was started with.
     is_served: bool,
+}
+
+/// The diagnosis that a model was corrected after.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct OriginView {
+    /// Law and place of its first effect; empty where none is named.
+    effect: String,
+    /// Name of the file of measurements.
+    data: String,
+    at_ms: i64,
 }
 
 /// A model's file.
@@ -34,7 +46,10 @@ pub(super) fn list(hub: &Hub) -> Result<Vec<KnownModel>, Refused> {
     let entries = hub.history().map_or(Ok(Vec::new()), |history| history.entries(Entry::Models, Some(MAX_MODELS)));
     let entries = entries.map_err(|error| Refused::new(Kind::Refused, error))?;
     let is_new = |model: &KnownModel| served.as_ref().is_none_or(|served| served.digest != model.digest);
-    let others: Vec<KnownModel> = entries.iter().filter_map(KnownModel::of_entry).filter(is_new).collect();
+    let mut others: Vec<KnownModel> = entries.iter().filter_map(KnownModel::of_entry).filter(is_new).collect();
+    for model in &mut others {
+        model.origin = hub.history().and_then(|history| OriginView::of(history, &model.digest));
+    }
     Ok(served.into_iter().chain(others).collect())
 }
 
@@ -56,7 +71,7 @@ impl KnownModel {
     fn served(served: &ServedArm) -> Self {
         let arm = &served.wired.arm;
         let (digest, number) = (arm.hash().to_string(), Some(arm.model.number.into()));
-        Self { digest, name: as_file_name(served.file_name()), number, is_served: true }
+        Self { digest, name: as_file_name(served.file_name()), number, origin: None, is_served: true }
     }
 
     /// `None` of an entry without a file.
@@ -64,7 +79,25 @@ impl KnownModel {
         let text = |key: &str| entry[key].as_str().map(str::to_owned);
         let has_file = entry["has_file"].as_i64() == Some(1);
         let (digest, name) = text("digest").zip(text("name")).filter(|_| has_file)?;
-        Some(Self { digest, name: as_file_name(&name), number: entry["number"].as_u64(), is_served: false })
+        Some(Self {
+            digest,
+            name: as_file_name(&name),
+            number: entry["number"].as_u64(),
+            origin: None,
+            is_served: false,
+        })
+    }
+}
+
+impl OriginView {
+    /// `None` of a model that was corrected after no diagnosis of this history, or where that cannot be read.
+    fn of(history: &History, digest: &str) -> Option<Self> {
+        let (at_ms, data, report) = history.correction(digest).ok()??;
+        let report: Value = serde_json::from_str(&report).unwrap_or_default();
+        let effect = &report["effects"][0];
+        let named = effect["law"].as_str().zip(effect["place_name"].as_str());
+        let effect = named.map_or_else(String::new, |(law, place)| format!("{law}, {place}"));
+        Some(Self { effect, data, at_ms })
     }
 }
 

@@ -108,6 +108,17 @@ impl History {
         self.part("SELECT report FROM diagnosis WHERE id = ?1", params![diagnosis])
     }
 
+    /// When the diagnosis was made that a model was corrected after, the name of its measurements, and its numbers as JSON.
+    ///
+    /// # Errors
+    ///
+    /// The database cannot be read.
+    pub fn correction(&self, model: &str) -> Result<Option<(i64, String, String)>, HistoryError> {
+        let query = "SELECT at_ms, data_name, report FROM diagnosis WHERE corrected = ?1 ORDER BY at_ms DESC LIMIT 1";
+        let read = |row: &Row<'_>| Ok((row.get(0)?, row.get(1)?, row.get(2)?));
+        Ok(self.reader()?.query_row(query, params![model], read).optional()?)
+    }
+
     /// The file of a model.
     ///
     /// # Errors

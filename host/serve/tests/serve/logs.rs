@@ -71,9 +71,11 @@ fn a_log_of_another_program_is_diagnosed_with_the_arm_of_the_server() {
     assert_eq!((result.status, result.json()["verdict"].as_str()), (200, Some("effect-found")), "{}", result.json());
     let corrected = &result.json()["corrected"];
     assert_eq!(corrected["name"], "bench-1.toml");
-    // It is the model of the next diagnosis.
+    // It is the model of the next diagnosis, with what distinguishes it from others of its name.
     let models = bench.get("/api/diagnosis/models");
     let next = models.as_array().unwrap().iter().find(|model| model["name"] == corrected["name"]).unwrap();
+    let effect = next["origin"]["effect"].as_str().unwrap();
+    assert!(effect.starts_with("supply-stroke, ") && next["origin"]["data"] == "log.csv", "{next}");
     let again = send(&bench, "/api/diagnosis/run", &text, json!({"known": next["digest"], "columns": columns}));
     assert_eq!(again.json()["verdict"], "no-effect", "{}", again.json());
 }
