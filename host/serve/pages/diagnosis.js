@@ -99,6 +99,7 @@ async function showModels() {
   select.value = isFirst && served && !byId('model').files.length ? served.digest : before;
   offerRecorded();
   showFiles();
+  showTables();
 }
 
 // The model whose table was recorded, where the measurements name it: it is chosen, unless a person has chosen a file.
@@ -195,6 +196,14 @@ function show(shown) {
   byId('words').hidden = result.n_words === 0;
   byId('plan').hidden = !result.has_plan;
   setText(byId('actions-note'), '');
+  showTables();
+}
+
+// A table is made for the board of the arm that the server has.
+function showTables() {
+  const hasArm = models.some((model) => model.is_served);
+  for (const id of ['words', 'plan']) byId(id).disabled = !hasArm;
+  byId('no-table').hidden = hasArm || !result || (byId('words').hidden && byId('plan').hidden);
 }
 
 // The table for the board of this server: it is open on the page Program, where its files can be saved too.

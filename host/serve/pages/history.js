@@ -66,7 +66,7 @@ function showRuns(runs) {
     when(run.started_ms), run.ended_ms === null ? '–' : seconds(1e-3 * (run.ended_ms - run.started_ms)),
     OUTCOMES[run.outcome] + (run.cause ? `: ${run.cause}` : ''), String(run.rows), digest(run.table), model(run.model),
     `${run.board} ${run.device}`, button('Events', `Events of run ${run.id}`, () => showEvents(run)),
-  ]), 'No table was played yet.');
+  ]), 'No run yet: a run is a table that the board plays, from the pages Live and Program or by `darm play`, while this server runs.');
 }
 
 const showEvents = (run) => attempt(async () => {
@@ -84,7 +84,7 @@ function showDiagnoses(diagnoses) {
     make('span', { className: 'wide' }, make('b', {}, diagnosis.verdict), ` ${diagnosis.summary}`), model(diagnosis.corrected),
     button('JSON', `JSON of diagnosis ${diagnosis.id}`, () =>
       download(`/api/history/diagnosis?id=${diagnosis.id}`, `diagnosis-${diagnosis.id}.json`, 'application/json')),
-  ]), 'Nothing was diagnosed yet.');
+  ]), 'No diagnosis yet: the page Diagnosis makes them.');
 }
 
 function showTables(tables) {
@@ -92,7 +92,7 @@ function showTables(tables) {
     when(table.seen_ms), table.name, digest(table.digest), model(table.model), String(table.rows), seconds(table.end_s),
     button('.darm', `.darm of table ${table.name} ${short(table.digest)}`, () =>
       download(`/api/history/table?digest=${table.digest}`, table.name, 'application/octet-stream')),
-  ]), 'No table was brought to a board yet.');
+  ]), 'No table yet: the page Program uploads them.');
 }
 
 function showUploads(uploads) {
@@ -122,7 +122,7 @@ function showModels(models, runs, diagnoses) {
       ` since ${when(one.seen_ms)}, ${count(runs, 'run', 'runs')}, ${count(diagnoses, 'diagnosis', 'diagnoses')} `, file, ...list);
   };
   const list = make('ul', { className: 'lineage' }, ...roots.map((root) => item(root, [])));
-  byId('lineage').replaceChildren(models.length ? list : make('p', {}, 'No model was seen yet.'));
+  byId('lineage').replaceChildren(models.length ? list : make('p', {}, 'No model yet: that of the server is entered when it starts with one, others by a diagnosis.'));
 }
 
 // ---------------------------------------------------------------- all of it

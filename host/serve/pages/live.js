@@ -16,6 +16,7 @@ const PHASES = {
 let arm = null;
 let picture = null;
 let predicted = null;
+let hasArm = null;
 let hasPicture = false;
 let shownPicture = -1;
 let lastEvent = '';
@@ -25,7 +26,7 @@ let live = null;
 
 // The library of the picture is large and WebGL slow to begin: control and values do not wait for them.
 async function startPicture() {
-  if (hasPicture) return;
+  if (hasPicture || !hasArm) return;
   hasPicture = true;
   let arms;
   try {
@@ -242,6 +243,9 @@ onLive(show);
 async function fetchArm() {
   try {
     arm = await get('/api/arm');
+    hasArm = Boolean(arm);
+    byId('no-arm').hidden = hasArm;
+    byId('arm').parentElement.hidden = byId('arm-legend').hidden = !hasArm;
     if (arm) setText(byId('arm-file'), `${arm.file}, model ${arm.number}, ${short(arm.model)}`);
   } catch {
     setTimeout(fetchArm, 500);

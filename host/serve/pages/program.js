@@ -103,6 +103,7 @@ byId('save-visits').addEventListener('click', () => saveFile('visits', program.o
 async function fetchProgram(number) {
   shown = number;
   program = await get('/api/program');
+  byId('no-program').hidden = Boolean(program);
   showOrigin();
   showProgram(program?.refusal ?? null);
 }

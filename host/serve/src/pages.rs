@@ -78,16 +78,22 @@ impl Page {
     }
 }
 
+/// What a page without an arm says, until its script knows that there is one.
+fn no_arm() -> Markup {
+    html! { p #no-arm .alert role="status" hidden { "The server has no arm. Start it with one: " code { "darm serve arm.toml" } "." } }
+}
+
 fn live() -> Markup {
     html! {
         h1.hidden { "Live" }
         div.columns {
             section #arm-section aria-labelledby="arm-title" {
                 h2 #arm-title { "Arm" }
+                (no_arm())
                 div.picture.values { canvas #arm role="img" aria-label="The arm" tabindex="0" {} }
                 p #arm-file .note {}
                 p #tool .values aria-live="off" {}
-                p.legend {
+                p #arm-legend .legend {
                     span.leg.contracted {} "contracted leg: thick over its length "
                     span.leg.extended {} "extended leg: thin rod with a ring "
                     span #seen-legend hidden { "· diamond: measured tool " }
@@ -180,6 +186,7 @@ fn program() -> Markup {
                 label for="file" { "Open a table of " code { "darm table" } " (.darm), or drop it here" }
                 input #file type="file" accept=".darm";
             }
+            p #no-program .note hidden { "None yet? The page " a href="/diagnosis" { "Diagnosis" } " makes one: Plan again." }
             div #origin hidden {
                 p #origin-text {}
                 p { code #origin-command {} }

@@ -56,6 +56,7 @@ pub(super) fn diagnosis() -> Markup {
                 button #words type="button" { "Measure these words next" }
                 button #plan type="button" { "Plan again" }
             }
+            p #no-table .note hidden { "No table can be made: the server has no arm, whose board it is for. Start it with one: " code { "darm serve arm.toml" } "." }
             p #actions-note .note role="status" {}
         }
         div #result {}

@@ -5,7 +5,7 @@ use maud::{Markup, html};
 pub(super) fn reach() -> Markup {
     html! {
         h1.hidden { "Reach" }
-        p #no-arm .alert role="status" hidden { "The server has no arm. Start it with one: " code { "darm serve arm.toml" } "." }
+        (super::no_arm())
         div #reach .columns hidden {
             section aria-labelledby="arm-title" {
                 h2 #arm-title { "Target and arm" }

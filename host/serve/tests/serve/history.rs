@@ -73,7 +73,7 @@ fn a_person_looks_at_the_history_in_a_browser() {
     let bench = Bench::start("planar4.toml");
     let _time = RealTime::start(&bench.board);
     browser.open(&format!("http://{}/history", bench.address()));
-    browser.wait("document.querySelector('#runs').textContent.includes('No table was played yet')");
+    browser.wait("document.querySelector('#runs').textContent.includes('No run yet: a run is')");
     use_it(&bench);
     browser.click("#refresh");
     browser.wait("document.querySelector('#runs').textContent.includes('finished')");
