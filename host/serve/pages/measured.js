@@ -2,8 +2,8 @@
 
 import { byId, fixed, make, setText } from './format.js';
 
-// Poses to 0.1 mm and 0.01°. Residuals are small: µm and thousandths of a degree.
-const number = (value, axis, isResidual) => (axis < 3 ? fixed(1e3 * value, isResidual ? 3 : 1) : fixed((180 / Math.PI) * value, isResidual ? 3 : 2));
+// To µm and thousandths of a degree, poses and residuals alike: a residual is their difference.
+const number = (value, axis) => fixed((axis < 3 ? 1e3 : 180 / Math.PI) * value, 3).replace('-', '−');
 const length = (vector) => Math.hypot(...vector);
 
 // The axes of a planar arm are x, y and the angle; those of another one have a rotation vector.
@@ -42,8 +42,8 @@ export function showMeasured(measured, predicted, isPlanar) {
     const [, shown, seen, left] = body.children[index].children;
     setText(shown, predicted ? number(of(predicted, axis), axis) : '–');
     setText(seen, tool ? number(of(tool, axis), axis) : '–');
-    setText(left, residual ? number(of(residual, axis), axis, true) : '–');
+    setText(left, residual ? number(of(residual, axis), axis) : '–');
   });
   setText(byId('residual'), residual
-    ? `Residual (predicted − measured): ${number(length(residual.position_m), 0, true)} mm, ${number(length(residual.rotation_rad), 3, true)}°` : 'No residual');
+    ? `Residual (predicted − measured): ${number(length(residual.position_m), 0)} mm, ${number(length(residual.rotation_rad), 3)}°` : 'No residual');
 }

@@ -17,7 +17,7 @@ async function open(file) {
   try {
     await post(`/api/open?name=${encodeURIComponent(file.name)}`, await file.arrayBuffer());
   } catch (error) {
-    showAlert(error.message);
+    showAlert(program ? `${error.message} Still shown: ${program.name}.` : error.message);
   }
 }
 

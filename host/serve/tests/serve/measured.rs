@@ -84,7 +84,7 @@ fn a_person_sees_the_measured_pose_beside_the_predicted_one() {
             "document.querySelector('#residual').textContent === 'Residual (predicted − measured): 5.000 mm, 0.573°'",
         );
         let residuals = "[...document.querySelectorAll('#measured tr')].map((row) => row.children[0].textContent + ' ' + row.children[3].textContent)";
-        assert_eq!(browser.value(residuals), json!(["x, mm -3.000", "y, mm 4.000", "angle, ° -0.573"]));
+        assert_eq!(browser.value(residuals), json!(["x, mm −3.000", "y, mm 4.000", "angle, ° −0.573"]));
         browser.wait(&format!(
             "(([x, y]) => Math.hypot(x - {}, y - {}) < 2e-3)(JSON.parse(document.querySelector('#arm').dataset.measured ?? 'null') ?? [9, 9])",
             pose.position.x, pose.position.y
