@@ -136,7 +136,10 @@ impl Answer for Report {
             lines.push(format!("note: and {} more rows; --json lists them", of_rows.len() - MAX_NOTES));
         }
         lines.push(format!("verdict: {verdict}"));
-        lines.extend(plain.clone());
+        let (first, others) = plain.split_at(plain.len().min(1));
+        lines.extend(first.iter().cloned());
+        lines.push(format!("Next: {}", self.diagnosis.next_step()));
+        lines.extend(others.iter().cloned());
         lines.extend(effects.iter().map(effect));
         lines.push(String::new());
         lines.push(self.errors());

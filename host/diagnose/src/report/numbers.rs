@@ -30,6 +30,26 @@ pub fn shown(of: &Value, value: f64) -> String {
     }
 }
 
+/// A value with its name for a sentence, and from what it changes: `mass 1.2000 → 1.3000 kg`.
+pub(crate) fn named(of: &Value) -> String {
+    let (factor, unit) = match &of.unit[..] {
+        "m" => (1e3, " mm".to_owned()),
+        "rad" => (1f64.to_degrees(), "°".to_owned()),
+        unit => (1.0, after(unit)),
+    };
+    let number = |value: f64| four_decimals(factor * value);
+    match of.nominal {
+        Some(from) => format!("{} {} → {}{unit}", of.name, number(from), number(from + of.value)),
+        None => format!("{} {}{unit}", of.name, number(of.value)),
+    }
+}
+
+/// Four decimals, or four digits.
+pub(crate) fn four_decimals(value: f64) -> String {
+    let size = value.abs();
+    if size == 0.0 || (1e-3..1e5).contains(&size) { format!("{value:.4}") } else { format!("{value:.3e}") }
+}
+
 /// A number as people read it: lengths in mm, angles in degrees.
 pub fn readable(number: &Number) -> (f64, &'static str) {
     match number.unit {
@@ -76,7 +96,17 @@ pub fn chance(p: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::with_interval;
+    use super::{named, with_interval};
+    use crate::outcome::Value;
+
+    #[test]
+    fn a_value_has_one_unit_in_sentences_and_tables() {
+        let value =
+            |unit: &str, nominal| Value { name: "lag".into(), value: 4.108e-4, unit: unit.into(), ci95: None, nominal };
+        assert_eq!(named(&value("m", None)), "lag 0.4108 mm");
+        assert_eq!(named(&value("m", Some(1e-3))), "lag 1.0000 → 1.4108 mm");
+        assert_eq!(named(&value("N", None)), "lag 4.108e-4 N");
+    }
 
     #[test]
     fn digits_are_those_of_the_interval() {

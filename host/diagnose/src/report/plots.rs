@@ -150,10 +150,10 @@ pub(super) fn along_rows(points: &[Point], axis: usize, label: &str) -> Markup {
     PreEscaped(Chart { size: FLAT, x, y, series, ..Chart::default() }.svg())
 }
 
-/// The residual of an axis along a signal.
-pub(super) fn along_signal(one: &Dependence) -> Markup {
-    let [x, y] = [(0, one.to_string()), (1, "residual".into())]
-        .map(|(k, label)| Axis::around(&label, one.curve.iter().map(|point| point[k])));
+/// The residual of an axis along a signal, with the names of both axes.
+pub(super) fn along_signal(one: &Dependence, along: &str, residual: &str) -> Markup {
+    let [x, y] =
+        [(0, along), (1, residual)].map(|(k, label)| Axis::around(label, one.curve.iter().map(|point| point[k])));
     let series = vec![Series::unnamed(AFTER, Shape::Line(one.curve.clone()))];
     PreEscaped(Chart { size: FLAT, x, y, series, ..Chart::default() }.svg())
 }

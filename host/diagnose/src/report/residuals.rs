@@ -50,18 +50,35 @@ fn suspects(d: &Diagnosis, first: &Visit) -> Vec<Markup> {
     all.into_iter().flatten().collect()
 }
 
-/// What remains of an axis along a signal.
-pub(super) fn curve(one: &Dependence) -> Markup {
+/// The unit of the residual that depends on a signal; empty where several axes do.
+pub(super) fn unit(d: &Diagnosis, one: &Dependence) -> String {
+    let figure = d.error.before.train.axes.iter().find(|figure| Some(&figure.axis) == one.axis.as_ref());
+    figure.map_or_else(String::new, |figure| format!(", {}", figure.unit))
+}
+
+/// The unit of the numbers of a signal, by its name.
+fn signal_unit(name: &str) -> &'static str {
+    match name {
+        "time" => "s",
+        "pressure" | "supply" => "Pa",
+        "temperature" => "°C",
+        "force" => "N",
+        _ => "SI units, rad",
+    }
+}
+
+/// What remains of an axis along a signal; `unit` is that of the residual, after a comma.
+pub(super) fn curve(one: &Dependence, unit: &str) -> Markup {
     let ends = |k: usize| {
         let of = one.curve.iter().map(|point| point[k]);
         of.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), number| (low.min(number), high.max(number)))
     };
     let ((left, right), (low, high)) = (ends(0), ends(1));
     html! {
-        (plots::along_signal(one))
+        (plots::along_signal(one, &format!("{one}, {}", signal_unit(&one.variable)), &format!("residual{unit}")))
         p.sub {
             @if let Some(axis) = &one.axis { (axis) ": " }
-            (one) " from " (short(left)) " to " (short(right)) " (SI units, rad), residual from " (short(low)) " to " (short(high))
+            (one) " from " (short(left)) " to " (short(right)) " " (signal_unit(&one.variable)) ", residual from " (short(low)) " to " (short(high)) (unit.replace(',', ""))
         }
     }
 }

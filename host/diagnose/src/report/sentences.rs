@@ -12,12 +12,11 @@ use crate::judge::far_rows::are_too_many;
 use crate::judge::fitted_terms::WithTerms;
 use crate::linearise::arm_candidates::{place_name, term_name};
 use crate::outcome::{
-    self, Alternative, BeforeAfter, Diagnosis, ErrorFigure, Measured, NextMeasurement, OtherReading, Regressor, Value,
-    Verdict,
+    self, Alternative, BeforeAfter, Diagnosis, ErrorFigure, Measured, NextMeasurement, OtherReading, Regressor, Verdict,
 };
 use crate::prepare::repeatability::MIN_DOF;
 use crate::rejection::Rejection;
-use crate::report::numbers::{after, readable};
+use crate::report::numbers::{four_decimals as short, named, readable};
 use darm_arm::arm::Arm;
 
 /// An error that an effect changes falls below this share of itself.
@@ -237,11 +236,7 @@ fn terms_sentence(arm: &Arm, diagnosis: &Diagnosis, with_terms: &WithTerms) -> S
 }
 
 fn effect_of_signals(effect: &outcome::Effect) -> String {
-    let value = |value: &Value| match value.nominal {
-        Some(from) => format!("{} {} → {}{}", value.name, short(from), short(from + value.value), after(&value.unit)),
-        None => format!("{} {}{}", value.name, short(value.value), after(&value.unit)),
-    };
-    let values: Vec<String> = effect.values.iter().map(value).collect();
+    let values: Vec<String> = effect.values.iter().map(named).collect();
     let gain = match &effect.held_out_gain {
         Some(gain) if gain.value > 0.0 => {
             let (gain, unit) = readable(gain);
@@ -250,12 +245,6 @@ fn effect_of_signals(effect: &outcome::Effect) -> String {
         _ => String::new(),
     };
     format!("{} at {}: {}{gain}.", effect.law, effect.site, values.join(", "))
-}
-
-/// Four digits.
-fn short(value: f64) -> String {
-    let size = value.abs();
-    if size == 0.0 || (1e-3..1e5).contains(&size) { format!("{value:.4}") } else { format!("{value:.3e}") }
 }
 
 /// The sentence with its first letter large.

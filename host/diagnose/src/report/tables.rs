@@ -170,7 +170,7 @@ fn depends(d: &Diagnosis) -> Markup {
             @if let Some(before) = &d.structure { (dependences("before", before)) }
             (dependences("after", &d.remaining))
         }
-        @for one in d.remaining.depends_on.iter().filter(|one| !one.curve.is_empty()) { (residuals::curve(one)) }
+        @for one in d.remaining.depends_on.iter().filter(|one| !one.curve.is_empty()) { (residuals::curve(one, &residuals::unit(d, one))) }
     }
 }
 
