@@ -41,6 +41,15 @@ pub fn read(path: &Path, dialect: Dialect) -> Result<Recording, ImportError> {
     parts(path, bytes, dialect).map(recording).map_err(|fault| fault.in_file(path))
 }
 
+/// Why a MAT-file cannot be read; `None` of one that can be, and of any other file.
+pub fn mat_fault(path: &Path) -> Option<ImportError> {
+    let mut first = [0; 6];
+    let file = std::fs::File::open(path).ok()?;
+    file.take(first.len() as u64).read_exact(&mut first).ok()?;
+    let is_mat = first == *b"MATLAB" || first.starts_with(b"\x89HDF");
+    is_mat.then(|| read(path, Dialect::default()).err()).flatten()
+}
+
 fn parts(path: &Path, bytes: Vec<u8>, dialect: Dialect) -> Result<(Vec<Part>, Vec<String>), Fault> {
     let end = path.extension().and_then(|end| end.to_str()).unwrap_or_default().to_lowercase();
     if bytes.is_empty() {

@@ -85,6 +85,9 @@ pub(super) struct Report {
 
 impl Diagnose {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
+        if let Some(fault) = darm_import::read::mat_fault(&self.data) {
+            return Err(fault.into());
+        }
         let Some(model) = &self.model else { return log::print(&self.data, &self.how, ui) };
         exchanged::refuse(model, &self.data)?;
         if let Some(path) = &self.output {

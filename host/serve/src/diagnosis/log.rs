@@ -152,6 +152,9 @@ fn is_of_rows(finding: &&Finding) -> bool {
 
 /// The file that is diagnosed, with its columns read as `given`.
 pub(super) fn readable(data: &Path, given: &[ReadAs]) -> Result<Readable, LogFault> {
+    if let Some(fault) = darm_import::read::mat_fault(data) {
+        return Err(fault.into());
+    }
     if given.is_empty() {
         return Ok(Readable { data: data.into(), names: Names::new(), notes: Vec::new() });
     }

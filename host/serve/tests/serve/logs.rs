@@ -131,6 +131,15 @@ fn a_condition_without_a_unit_is_not_read_and_said_first() {
 fn what_is_no_log_or_no_known_model_is_refused() {
     let bench = Bench::start("planar4.toml");
     assert_eq!(send(&bench, "/api/diagnosis/log", "\0\u{1}", json!({})).status, 422);
+    let newer = format!("{:<512}\u{89}HDF\r\n\u{1a}\n", "MATLAB 7.3 MAT-file");
+    let newer = newer.chars().map(|c| c as u8).collect::<Vec<u8>>();
+    for (path, mut head) in [("log", json!({})), ("run", json!({"known": served(&bench)}))] {
+        head["data"] = json!({"name": "v73.mat", "bytes": newer.len()});
+        let body = [format!("{head}\n").as_bytes(), &newer].concat();
+        let refused = request(bench.address(), "POST", &format!("/api/diagnosis/{path}"), &[], &body).json();
+        let text = refused["refused"]["text"].as_str().unwrap();
+        assert!(text.contains("version 7.3") && !text.contains("UTF-8"), "{path}: {text}");
+    }
     let refused = send(&bench, "/api/diagnosis/run", &recording(), json!({"known": "../arm.toml"}));
     assert!(refused.json()["refused"]["text"].as_str().unwrap().contains("no model"), "{}", refused.json());
     assert_eq!(send(&bench, "/api/diagnosis/run", &recording(), json!({})).status, 422);
