@@ -13,6 +13,9 @@ use crate::state_folder;
 /// Time for a process that ends to let go of its port.
 const HANDOVER: Duration = Duration::from_secs(1);
 
+/// In place of the name of a port, where there is none.
+pub(crate) const NO_BOARD: &str = "no board found";
+
 /// Characters of another process's command that are shown.
 const MAX_COMMAND: usize = 120;
 
@@ -52,6 +55,14 @@ impl PortArgs {
         }
     }
 
+    /// The same; `None` where no port is named and none is found.
+    pub(crate) fn name_or_none(&self) -> Result<Option<String>, PortError> {
+        match self.name() {
+            Err(PortError::None) => Ok(None),
+            name => name.map(Some),
+        }
+    }
+
     /// Connects to the board at the port.
     pub(crate) fn connect(&self) -> anyhow::Result<Client> {
         Ok(Client::connect(open_free(&self.name()?)?.0)?)
@@ -82,6 +93,18 @@ pub(crate) fn open_at_once(name: &str) -> Result<(Box<dyn Link>, StopHandle), Li
         Some(holder) => Err(LinkError::InUse { port: name.to_owned(), holder }),
         None => open(name),
     }
+}
+
+/// Opens the only port that is found, now or not at all.
+pub(crate) fn open_found() -> Result<(Box<dyn Link>, StopHandle), LinkError> {
+    let none = |error: PortError| {
+        let cure = match error {
+            PortError::None => "plug one in, or simulate one with `darm sim`".into(),
+            error => error.to_string(),
+        };
+        LinkError::Io { port: NO_BOARD.into(), source: std::io::Error::other(cure) }
+    };
+    open_at_once(&only(candidates()).map_err(none)?)
 }
 
 /// What holds a port, for people: the command of another `darm`; `None` where no other `darm` does.

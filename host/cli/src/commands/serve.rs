@@ -9,6 +9,8 @@ use std::time::Duration;
 
 use anyhow::Context as _;
 use darm_arm::wired_arm::WiredArm;
+use darm_device::client::stop::StopHandle;
+use darm_device::link::{Link, LinkError};
 use darm_serve::access::Token;
 use darm_serve::history::History;
 use darm_serve::server::{BoardPort, Config, ServedArm, Server};
@@ -106,18 +108,26 @@ impl Answer for Serving {
     }
 }
 
+/// Opens the named port, or the only one that is there by then.
+#[expect(clippy::type_complexity, reason = "it is written once")]
+fn opener(name: Option<String>) -> Box<dyn FnMut() -> Result<(Box<dyn Link>, StopHandle), LinkError> + Send> {
+    Box::new(move || match &name {
+        Some(name) => port::open_at_once(name),
+        None => port::open_found(),
+    })
+}
+
 impl Serve {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         let arm = self.arm.as_deref().map(|arm| self.read(arm)).transpose()?;
-        let name = self.port.name()?;
+        let name = self.port.name_or_none()?;
         let token = self.token.as_deref().filter(|token| !token.is_empty()).map(Token::new).transpose();
         let token = token.map_err(|error| Usage(error.to_string()))?;
         let served = arm.as_ref().map(ServedFile::of);
-        let opened = name.clone();
         let board = BoardPort {
-            name: name.clone(),
-            stop_socket: state_folder::stop_socket(&name),
-            open: Box::new(move || port::open_at_once(&opened)),
+            name: name.clone().unwrap_or_else(|| port::NO_BOARD.into()),
+            stop_socket: name.as_deref().and_then(state_folder::stop_socket),
+            open: opener(name.clone()),
         };
         let history = self.history_file().map(|path| History::open(&path)).transpose()?;
         let history_file = history.as_ref().map(|history| history.path().to_owned());
@@ -130,7 +140,8 @@ impl Serve {
             let _ = interrupted.send(());
         };
         ctrlc::set_handler(handler).context("cannot wait for Ctrl-C")?;
-        ui.print(&Serving { port: name, arm: served, history: history_file, url: self.url(server.address()) })?;
+        let port = name.unwrap_or_else(|| format!("{}: it is looked for", port::NO_BOARD));
+        ui.print(&Serving { port, arm: served, history: history_file, url: self.url(server.address()) })?;
         while let Err(RecvTimeoutError::Timeout) = interrupt.recv_timeout(POLL) {
             anyhow::ensure!(server.is_running(), "the server ended; its reason is above");
         }
