@@ -7,12 +7,12 @@ use std::time::Duration;
 use anyhow::Context as _;
 use darm_core::sequencer::Command;
 use darm_device::client::Client;
-use darm_device::client::stop::{Confirmation, STOP_BOUND, StopHandle, stop_at};
+use darm_device::client::stop::{Confirmation, STOP_BOUND, StopHandle};
 use darm_device::link::LinkError;
 
 use crate::failure::Occupied;
 use crate::interrupted::Interrupted;
-use crate::{failure, state_folder};
+use crate::{failure, port};
 
 /// Time for the command to write its data and end by itself.
 const GRACE: Duration = Duration::from_millis(1500);
@@ -89,7 +89,7 @@ impl InterruptHandler {
             state.requested = true;
             (state.port.clone(), state.handle.clone())
         };
-        let stopped = handle.stop(STOP_BOUND).or_else(|_| stop_at(&port, state_folder::stop_socket(&port)));
+        let stopped = handle.stop(STOP_BOUND).or_else(|_| port::stop(&port));
         self.state().stopped = Some(stopped.map_err(Arc::new));
         thread::sleep(GRACE);
         if let Some(interrupted) = self.interrupted() {

@@ -5,7 +5,7 @@ use std::os::unix::net::UnixStream;
 use std::time::{Duration, Instant};
 
 use darm_device::client::Client;
-use darm_device::client::stop::{StopHandle, hold, holder_process, is_in_use};
+use darm_device::client::stop::{Confirmation, StopHandle, hold, holder_process, is_in_use, stop_at};
 use darm_device::link::{self, Link, LinkError};
 
 use crate::state_folder;
@@ -13,14 +13,11 @@ use crate::state_folder;
 /// Time for a process that ends to let go of its port.
 const HANDOVER: Duration = Duration::from_secs(1);
 
-/// In place of the name of a port, where there is none.
-pub(crate) const NO_BOARD: &str = "no board found";
-
 /// Characters of another process's command that are shown.
 const MAX_COMMAND: usize = 120;
 
 /// Port option.
-#[derive(clap::Args, Debug)]
+#[derive(clap::Args, Clone, Debug)]
 pub(crate) struct PortArgs {
     /// Port of the board: /dev/ttyACM0, unix:PATH or tcp:HOST:PORT; default: the only one found
     #[arg(long, short, env = "DARM_PORT", value_name = "PORT")]
@@ -95,16 +92,9 @@ pub(crate) fn open_at_once(name: &str) -> Result<(Box<dyn Link>, StopHandle), Li
     }
 }
 
-/// Opens the only port that is found, now or not at all.
-pub(crate) fn open_found() -> Result<(Box<dyn Link>, StopHandle), LinkError> {
-    let none = |error: PortError| {
-        let cure = match error {
-            PortError::None => "plug one in, or simulate one with `darm sim`".into(),
-            error => error.to_string(),
-        };
-        LinkError::Io { port: NO_BOARD.into(), source: std::io::Error::other(cure) }
-    };
-    open_at_once(&only(candidates()).map_err(none)?)
+/// Stops the board at a port, through the process that holds it where there is one.
+pub(crate) fn stop(name: &str) -> Result<Confirmation, LinkError> {
+    stop_at(name, state_folder::stop_socket(name))
 }
 
 /// What holds a port, for people: the command of another `darm`; `None` where no other `darm` does.

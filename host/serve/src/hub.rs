@@ -1,14 +1,13 @@
 //! What watcher and pages share: the last state of the board, who controls the arm, the opened table, and the stop.
 
 use std::collections::VecDeque;
-use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use darm_arm::wired_arm::WiredArm;
-use darm_device::client::stop::{Confirmation, STOP_BOUND, StopHandle, stop_at};
+use darm_device::client::stop::{Confirmation, STOP_BOUND, StopHandle};
 use darm_device::link::LinkError;
 use tokio::sync::{oneshot, watch};
 
@@ -20,6 +19,7 @@ use crate::picture::Picture;
 use crate::program::Program;
 use crate::refusal::{Kind, Refused};
 use crate::served_arm::ServedArm;
+use crate::server::StopPort;
 use crate::unix_time;
 use crate::view::{BoardView, EventView, LinkView, LiveView, UploadView};
 
@@ -30,8 +30,7 @@ const EVENTS: usize = 60;
 
 /// What watcher and pages share.
 pub struct Hub {
-    port: String,
-    stop_socket: Option<PathBuf>,
+    stop_port: StopPort,
     arm: Option<ServedArm>,
     history: Option<Arc<History>>,
     orders: Sender<Order>,
@@ -50,6 +49,8 @@ struct State {
     events: VecDeque<EventView>,
     upload: Option<UploadView>,
     control: Control,
+    /// Name of the port that was opened last; empty before.
+    port: String,
     /// Stops the board past the watcher, while the port is open.
     handle: Option<StopHandle>,
     picture: (u64, Option<Arc<Result<Picture, String>>>),
@@ -59,8 +60,7 @@ struct State {
 
 /// What a hub is made of.
 pub(crate) struct HubParts {
-    pub(crate) port: String,
-    pub(crate) stop_socket: Option<PathBuf>,
+    pub(crate) stop_port: StopPort,
     pub(crate) arm: Option<ServedArm>,
     pub(crate) history: Option<Arc<History>>,
     pub(crate) orders: Sender<Order>,
@@ -68,7 +68,7 @@ pub(crate) struct HubParts {
 
 impl Hub {
     pub(crate) fn new(parts: HubParts) -> Self {
-        let HubParts { port, stop_socket, arm, history, orders } = parts;
+        let HubParts { stop_port, arm, history, orders } = parts;
         let state = State {
             link: LinkView::Connecting,
             seen: None,
@@ -76,14 +76,14 @@ impl Hub {
             events: VecDeque::new(),
             upload: None,
             control: Control::default(),
+            port: String::new(),
             handle: None,
             picture: (0, None),
             program: (0, None),
             measured: Measured::default(),
         };
         Self {
-            port,
-            stop_socket,
+            stop_port,
             arm,
             history,
             orders,
@@ -119,7 +119,7 @@ impl Hub {
         self.stops.fetch_add(1, Ordering::SeqCst);
         let handle = self.state().handle.clone();
         let past = handle.map(|handle| handle.stop(STOP_BOUND));
-        past.and_then(Result::ok).map_or_else(|| stop_at(&self.port, self.stop_socket.clone()), Ok)
+        past.and_then(Result::ok).map_or_else(|| (self.stop_port)(), Ok)
     }
 
     /// Whether a page has gone with its control since this was asked last.
@@ -174,7 +174,7 @@ impl Hub {
         LiveView {
             revision: *self.revision.borrow(),
             link,
-            port: self.port.clone(),
+            port: state.port.clone(),
             age_s: age.map(|age| age.as_secs_f64()),
             control: state.control.holder(now),
             picture: state.picture.0,
@@ -223,9 +223,10 @@ impl Hub {
         self.wake();
     }
 
-    /// The port is open.
-    pub(crate) fn set_handle(&self, handle: StopHandle) {
-        self.state().handle = Some(handle);
+    /// The port of this name is open.
+    pub(crate) fn set_open(&self, port: &str, handle: StopHandle) {
+        let mut state = self.state();
+        (state.port, state.handle) = (port.to_owned(), Some(handle));
     }
 
     /// The board has answered.

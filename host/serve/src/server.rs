@@ -2,7 +2,6 @@
 
 use std::io;
 use std::net::{SocketAddr, TcpListener};
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::channel;
 use std::thread::{self, JoinHandle};
@@ -13,7 +12,7 @@ use axum::http::header::{self, HeaderName, HeaderValue};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
-use darm_device::client::stop::StopHandle;
+use darm_device::client::stop::{Confirmation, StopHandle};
 use darm_device::link::{Link, LinkError};
 use tokio::sync::oneshot;
 use tower_http::timeout::RequestBodyTimeoutLayer;
@@ -67,14 +66,16 @@ pub struct Config {
 
 /// How the board is reached.
 pub struct BoardPort {
-    /// Name of the port.
-    pub name: String,
-    /// Socket of the process that holds the port, for a stop while this server does not.
-    pub stop_socket: Option<PathBuf>,
     /// Opens the port, and makes it one that can be stopped past its user: `darm_device::client::stop::hold`.
-    #[expect(clippy::type_complexity, reason = "it is written once")]
-    pub open: Box<dyn FnMut() -> Result<(Box<dyn Link>, StopHandle), LinkError> + Send>,
+    pub open: OpenPort,
+    /// Stops the board while this server does not have the port: `darm_device::client::stop::stop_at`.
+    pub stop: StopPort,
 }
+
+/// Opens a port.
+pub type OpenPort = Box<dyn FnMut() -> Result<(Box<dyn Link>, StopHandle), LinkError> + Send>;
+/// Stops the board at a port.
+pub type StopPort = Box<dyn Fn() -> Result<Confirmation, LinkError> + Send + Sync>;
 
 /// Why the server does not start.
 #[derive(Debug, thiserror::Error)]
@@ -119,12 +120,12 @@ impl Server {
         let address = listener.local_addr()?;
         listener.set_nonblocking(true)?;
         let (orders, ordered) = channel();
-        let BoardPort { name, stop_socket, open } = board;
+        let BoardPort { open, stop } = board;
         let history = history.map(Arc::new);
         if let (Some(history), Some(arm)) = (&history, &arm) {
             add_arm(history, arm)?;
         }
-        let hub = Arc::new(Hub::new(HubParts { port: name, stop_socket, arm, history, orders }));
+        let hub = Arc::new(Hub::new(HubParts { stop_port: stop, arm, history, orders }));
         let watcher = Watcher::new(Arc::clone(&hub), open, ordered);
         let (end, ended) = oneshot::channel();
         let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;

@@ -15,7 +15,7 @@ pub struct LiveView {
     pub revision: u64,
     /// Whether the board answers now. Where it does not, all below is old.
     pub link: LinkView,
-    /// Name of the port.
+    /// Name of the port that was opened last; empty before.
     pub port: String,
     /// Age of what was seen of the board, s.
     pub age_s: Option<f64>,

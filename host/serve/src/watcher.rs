@@ -60,7 +60,7 @@ impl Watcher {
     fn connect(&mut self) -> Result<Client, ClientError> {
         let stops = self.hub.stops();
         let (link, handle) = (self.open)()?;
-        self.hub.set_handle(handle);
+        self.hub.set_open(link.name(), handle);
         let client = Client::connect(link)?;
         self.stops_at_hello = Some(stops);
         Ok(client)

@@ -147,6 +147,7 @@ fn link_failure(error: &LinkError) -> (String, String) {
         LinkError::Name { port } => {
             (format!("{port:?} is no port"), "write /dev/ttyACM0, unix:PATH or tcp:HOST:PORT".into())
         }
+        LinkError::Unnamed(why) => (why.clone(), "name a port with --port".into()),
         LinkError::NoSerialPort { port } => {
             (format!("{port} is not a serial port"), "name one: /dev/ttyACM0, unix:PATH or tcp:HOST:PORT".into())
         }

@@ -9,8 +9,7 @@ use std::time::Duration;
 
 use anyhow::Context as _;
 use darm_arm::wired_arm::WiredArm;
-use darm_device::client::stop::StopHandle;
-use darm_device::link::{Link, LinkError};
+use darm_device::link::LinkError;
 use darm_serve::access::Token;
 use darm_serve::history::History;
 use darm_serve::server::{BoardPort, Config, ServedArm, Server};
@@ -108,13 +107,14 @@ impl Answer for Serving {
     }
 }
 
-/// Opens the named port, or the only one that is there by then.
-#[expect(clippy::type_complexity, reason = "it is written once")]
-fn opener(name: Option<String>) -> Box<dyn FnMut() -> Result<(Box<dyn Link>, StopHandle), LinkError> + Send> {
-    Box::new(move || match &name {
-        Some(name) => port::open_at_once(name),
-        None => port::open_found(),
-    })
+/// The named port, or the only one that is there whenever the board is reached.
+fn board_port(port: &PortArgs) -> BoardPort {
+    let (to_open, to_stop) = (port.clone(), port.clone());
+    let name = |port: &PortArgs| port.name().map_err(|error| LinkError::Unnamed(error.to_string()));
+    BoardPort {
+        open: Box::new(move || port::open_at_once(&name(&to_open)?)),
+        stop: Box::new(move || port::stop(&name(&to_stop)?)),
+    }
 }
 
 impl Serve {
@@ -124,11 +124,7 @@ impl Serve {
         let token = self.token.as_deref().filter(|token| !token.is_empty()).map(Token::new).transpose();
         let token = token.map_err(|error| Usage(error.to_string()))?;
         let served = arm.as_ref().map(ServedFile::of);
-        let board = BoardPort {
-            name: name.clone().unwrap_or_else(|| port::NO_BOARD.into()),
-            stop_socket: name.as_deref().and_then(state_folder::stop_socket),
-            open: opener(name.clone()),
-        };
+        let board = board_port(&self.port);
         let history = self.history_file().map(|path| History::open(&path)).transpose()?;
         let history_file = history.as_ref().map(|history| history.path().to_owned());
         let (listen, names) = (self.listen(), self.name.clone());
@@ -140,7 +136,7 @@ impl Serve {
             let _ = interrupted.send(());
         };
         ctrlc::set_handler(handler).context("cannot wait for Ctrl-C")?;
-        let port = name.unwrap_or_else(|| format!("{}: it is looked for", port::NO_BOARD));
+        let port = name.unwrap_or_else(|| "none found; the board is looked for".to_owned());
         ui.print(&Serving { port, arm: served, history: history_file, url: self.url(server.address()) })?;
         while let Err(RecvTimeoutError::Timeout) = interrupt.recv_timeout(POLL) {
             anyhow::ensure!(server.is_running(), "the server ended; its reason is above");

@@ -1,12 +1,11 @@
 //! `darm stop`: all coils off, in any version of the protocol, even while another process holds the port.
 
 use darm_core::sequencer::{Command, Phase};
-use darm_device::client::stop::{Confirmation, stop_at};
+use darm_device::client::stop::Confirmation;
 use serde::Serialize;
 
 use crate::failure::Unconfirmed;
-use crate::port::PortArgs;
-use crate::state_folder;
+use crate::port::{self, PortArgs};
 use crate::ui::{Answer, Ui};
 
 const EXAMPLES: &str = "\
@@ -51,7 +50,7 @@ impl Answer for Stopped {
 impl Stop {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         let port = self.port.name()?;
-        match stop_at(&port, state_folder::stop_socket(&port))? {
+        match port::stop(&port)? {
             Confirmation::Confirmed => {}
             Confirmation::Missing => return Err(Unconfirmed { port }.into()),
         }

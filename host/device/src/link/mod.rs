@@ -137,6 +137,9 @@ pub enum LinkError {
         /// The port as named by the user.
         port: String,
     },
+    /// No port was named, and which one is meant is not known.
+    #[error("{0}")]
+    Unnamed(String),
     /// The name is that of a file or device that is no serial port.
     #[error("{port} is not a serial port; name one: /dev/ttyACM0, unix:PATH or tcp:HOST:PORT")]
     NoSerialPort {

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use darm_arm::plan::{Visit, plan};
 use darm_arm::table_file;
 use darm_arm::wired_arm::WiredArm;
-use darm_device::client::stop::hold;
+use darm_device::client::stop::{hold, stop_at};
 use darm_device::in_process::{InProcess, MemoryFlash};
 use darm_device::link::LinkError;
 use darm_device::plant::Plant;
@@ -59,7 +59,7 @@ impl Bench {
             true => Ok(hold(Box::new(Cable { link: plug.link(), is_plugged: Arc::clone(&plugged) }), None)),
             false => Err(LinkError::Missing { port: "in-process".into() }),
         };
-        let port = BoardPort { name: "in-process".into(), stop_socket: None, open: Box::new(open) };
+        let port = BoardPort { open: Box::new(open), stop: Box::new(|| stop_at("in-process", None)) };
         let folder = tempfile::tempdir().unwrap();
         let server = Server::start(Config {
             listen: "127.0.0.1:0".parse().unwrap(),
