@@ -28,8 +28,8 @@ pub(super) struct Serving {
 }
 
 impl Serving {
-    pub(super) fn start(home: &Home, board: &Board, arm: &str, history: &Path) -> Self {
-        let line = format!("serve {} --listen 127.0.0.1:0 {}", example(arm), board.port);
+    pub(super) fn start(home: &Home, port: &str, arm: &str, history: &Path) -> Self {
+        let line = format!("serve {} --listen 127.0.0.1:0 {port}", example(arm));
         let mut command: Command = home.command(&line);
         command.arg("--history").arg(history).stdin(Stdio::null()).stdout(Stdio::piped());
         let mut process = command.spawn().unwrap();
@@ -130,7 +130,7 @@ fn a_killed_server_has_lost_no_run_that_ended() {
     home.succeeds(&format!("upload a.darm {}", board.port));
     let (mut played, mut shown, mut cut) = (0, 0, 0);
     for _ in 0..kills {
-        let mut server = Serving::start(&home, &board, "planar4.toml", &history);
+        let mut server = Serving::start(&home, &board.port, "planar4.toml", &history);
         let live = server.wait(|live| live["link"]["state"] == "live");
         let table = live["board"]["table"].as_str().unwrap().to_owned();
         let time = random.random_range(Duration::ZERO..LONGEST);
@@ -144,7 +144,7 @@ fn a_killed_server_has_lost_no_run_that_ended() {
         cut += u64::from(seen.last().is_some_and(|event| event["kind"] != "finished"));
     }
     // The board has gone on alone: the next server reads how the last run ended.
-    let mut server = Serving::start(&home, &board, "planar4.toml", &history);
+    let mut server = Serving::start(&home, &board.port, "planar4.toml", &history);
     server.wait(|live| live["board"]["phase"]["name"] == "idle" && live["link"]["state"] == "live");
     std::thread::sleep(Duration::from_millis(200));
     server.kill();

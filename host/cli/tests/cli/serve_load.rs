@@ -26,7 +26,7 @@ fn page_figures_of_the_server() {
     let seconds = std::env::var("DARM_PAGE_SECONDS").ok().and_then(|text| text.parse().ok()).unwrap_or(SECONDS);
     let home = Home::new();
     let board = Board::start(&home, &example(ARM));
-    let server = Serving::start(&home, &board, ARM, &home.path("history.sqlite3"));
+    let server = Serving::start(&home, &board.port, ARM, &home.path("history.sqlite3"));
     let mut after = server.wait(|live| live["link"]["state"] == "live")["revision"].as_u64().unwrap();
     let (began, before_s, time) = (Instant::now(), processor_s(server.process.id()), Duration::from_secs(seconds));
     let mut updates = 0u64;
