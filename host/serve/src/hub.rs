@@ -11,6 +11,7 @@ use darm_device::client::stop::{Confirmation, STOP_BOUND, StopHandle};
 use darm_device::link::LinkError;
 use tokio::sync::{oneshot, watch};
 
+use crate::board_port::Stopper;
 use crate::control::{Control, ControlError};
 use crate::history::History;
 use crate::measured::Measured;
@@ -19,7 +20,6 @@ use crate::picture::Picture;
 use crate::program::Program;
 use crate::refusal::{Kind, Refused};
 use crate::served_arm::ServedArm;
-use crate::server::StopPort;
 use crate::unix_time;
 use crate::view::{BoardView, EventView, LinkView, LiveView, UploadView};
 
@@ -30,7 +30,7 @@ const EVENTS: usize = 60;
 
 /// What watcher and pages share.
 pub struct Hub {
-    stop_port: StopPort,
+    stopper: Stopper,
     arm: Option<ServedArm>,
     history: Option<Arc<History>>,
     orders: Sender<Order>,
@@ -60,7 +60,7 @@ struct State {
 
 /// What a hub is made of.
 pub(crate) struct HubParts {
-    pub(crate) stop_port: StopPort,
+    pub(crate) stopper: Stopper,
     pub(crate) arm: Option<ServedArm>,
     pub(crate) history: Option<Arc<History>>,
     pub(crate) orders: Sender<Order>,
@@ -68,7 +68,7 @@ pub(crate) struct HubParts {
 
 impl Hub {
     pub(crate) fn new(parts: HubParts) -> Self {
-        let HubParts { stop_port, arm, history, orders } = parts;
+        let HubParts { stopper, arm, history, orders } = parts;
         let state = State {
             link: LinkView::Connecting,
             seen: None,
@@ -83,7 +83,7 @@ impl Hub {
             measured: Measured::default(),
         };
         Self {
-            stop_port,
+            stopper,
             arm,
             history,
             orders,
@@ -119,7 +119,7 @@ impl Hub {
         self.stops.fetch_add(1, Ordering::SeqCst);
         let handle = self.state().handle.clone();
         let past = handle.map(|handle| handle.stop(STOP_BOUND));
-        past.and_then(Result::ok).map_or_else(|| (self.stop_port)(), Ok)
+        past.and_then(Result::ok).map_or_else(|| (self.stopper)(), Ok)
     }
 
     /// Whether a page has gone with its control since this was asked last.

@@ -16,6 +16,7 @@
 pub mod access;
 mod api;
 pub mod assets;
+pub mod board_port;
 pub mod connections;
 pub mod control;
 mod diagnosis;

@@ -12,13 +12,12 @@ use axum::http::header::{self, HeaderName, HeaderValue};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
-use darm_device::client::stop::{Confirmation, StopHandle};
-use darm_device::link::{Link, LinkError};
 use tokio::sync::oneshot;
 use tower_http::timeout::RequestBodyTimeoutLayer;
 
 use crate::access::{Access, AccessError, Token};
 use crate::assets::ASSETS;
+use crate::board_port::BoardPort;
 use crate::connections::{self, PATIENCE};
 use crate::history::{self, History, HistoryError, ModelEntry};
 use crate::hub::{Hub, HubParts};
@@ -63,19 +62,6 @@ pub struct Config {
     /// Where what is seen is kept, if it is.
     pub history: Option<History>,
 }
-
-/// How the board is reached.
-pub struct BoardPort {
-    /// Opens the port, and makes it one that can be stopped past its user: `darm_device::client::stop::hold`.
-    pub open: OpenPort,
-    /// Stops the board while this server does not have the port: `darm_device::client::stop::stop_at`.
-    pub stop: StopPort,
-}
-
-/// Opens a port.
-pub type OpenPort = Box<dyn FnMut() -> Result<(Box<dyn Link>, StopHandle), LinkError> + Send>;
-/// Stops the board at a port.
-pub type StopPort = Box<dyn Fn() -> Result<Confirmation, LinkError> + Send + Sync>;
 
 /// Why the server does not start.
 #[derive(Debug, thiserror::Error)]
@@ -125,7 +111,7 @@ impl Server {
         if let (Some(history), Some(arm)) = (&history, &arm) {
             add_arm(history, arm)?;
         }
-        let hub = Arc::new(Hub::new(HubParts { stop_port: stop, arm, history, orders }));
+        let hub = Arc::new(Hub::new(HubParts { stopper: stop, arm, history, orders }));
         let watcher = Watcher::new(Arc::clone(&hub), open, ordered);
         let (end, ended) = oneshot::channel();
         let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;

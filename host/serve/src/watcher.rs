@@ -9,10 +9,10 @@ use std::time::{Duration, Instant};
 use darm_arm::table_file::{self, TableFile};
 use darm_core::sequencer::Command;
 use darm_core::wire::message::Refusal;
-use darm_device::client::stop::StopHandle;
 use darm_device::client::{Client, ClientError};
-use darm_device::link::{Link, LinkError};
+use darm_device::link::LinkError;
 
+use crate::board_port::Opener;
 use crate::history::TableEntry;
 use crate::hub::Hub;
 use crate::order::{Order, Task};
@@ -26,9 +26,6 @@ use observer::Observer;
 const PERIOD: Duration = Duration::from_millis(50);
 /// A lost port is opened again after this time.
 const RETRY: Duration = Duration::from_millis(500);
-
-/// Opens the port, and makes it one that can be stopped past its user.
-pub(crate) type Opener = Box<dyn FnMut() -> Result<(Box<dyn Link>, StopHandle), LinkError> + Send>;
 
 /// Asks the board, and sends it what pages order.
 pub(crate) struct Watcher {

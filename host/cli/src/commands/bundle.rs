@@ -7,6 +7,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
+use darm_diagnose::outcome::Diagnosis;
 use serde::Serialize;
 use serde_json::json;
 use zip::write::SimpleFileOptions;
@@ -111,14 +112,7 @@ impl Bundle {
     /// The diagnosis; one that fails in whatever way is what the bundle is for.
     fn diagnose(&self, ui: Ui) -> Outcome {
         let task = Task { model: &self.model, data: &self.data, new_model: None };
-        let run = || -> anyhow::Result<Outcome> {
-            let (diagnosis, _) = self.how.diagnose(task, ui)?;
-            let (verdict, page) =
-                (diagnosis.verdict.to_string(), page(&diagnosis, &diagnosis.next_step(), &self.model, &self.data)?);
-            let json = ui::json(&Report::new(diagnosis))?;
-            let files = vec![("verdict.json".into(), json.into_bytes()), ("report.html".into(), page.into_bytes())];
-            Ok(Outcome { verdict: Some(verdict), error: None, files })
-        };
+        let run = || self.how.diagnose(task, ui).and_then(|(diagnosis, _)| self.outcome(diagnosis));
         let error = match catch_unwind(AssertUnwindSafe(run)) {
             Ok(Ok(outcome)) => return outcome,
             Ok(Err(error)) => failure::sentence(&error),
@@ -126,6 +120,14 @@ impl Bundle {
         };
         let files = vec![("error.txt".into(), format!("{error}\n").into_bytes())];
         Outcome { verdict: None, error: Some(error), files }
+    }
+
+    fn outcome(&self, diagnosis: Diagnosis) -> anyhow::Result<Outcome> {
+        let page = page(&diagnosis, &diagnosis.next_step(), &self.model, &self.data)?;
+        let verdict = Some(diagnosis.verdict.to_string());
+        let json = ui::json(&Report::new(diagnosis))?;
+        let files = vec![("verdict.json".into(), json.into_bytes()), ("report.html".into(), page.into_bytes())];
+        Ok(Outcome { verdict, error: None, files })
     }
 }
 

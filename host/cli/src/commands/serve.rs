@@ -11,8 +11,9 @@ use anyhow::Context as _;
 use darm_arm::wired_arm::WiredArm;
 use darm_device::link::LinkError;
 use darm_serve::access::Token;
+use darm_serve::board_port::BoardPort;
 use darm_serve::history::History;
-use darm_serve::server::{BoardPort, Config, ServedArm, Server};
+use darm_serve::server::{Config, ServedArm, Server};
 use serde::Serialize;
 
 use crate::failure::Usage;

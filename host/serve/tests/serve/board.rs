@@ -15,9 +15,10 @@ use darm_device::in_process::{InProcess, MemoryFlash};
 use darm_device::link::LinkError;
 use darm_device::plant::Plant;
 use darm_serve::access::Token;
+use darm_serve::board_port::BoardPort;
 use darm_serve::history::History;
 use darm_serve::measured::PoseSource;
-use darm_serve::server::{BoardPort, Config, ServedArm, Server};
+use darm_serve::server::{Config, ServedArm, Server};
 use serde_json::{Value, json};
 
 use super::http::{Answer, request};
