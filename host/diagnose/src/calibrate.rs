@@ -24,6 +24,7 @@ mod rows;
 
 use darm_arm::arm::Arm;
 use darm_arm::arm::frames::DesiredFrame;
+use darm_core::real::Vec3;
 use serde::{Deserialize, Serialize};
 
 use crate::correction::{ArmCorrection, Outcome};
@@ -150,6 +151,8 @@ pub enum Reason {
     Reached,
     /// Model and log do not belong together: more of the same says nothing.
     WrongModelOrLog,
+    /// More than half of what the measured positions vary by is left: the model is that of another arm, or far from this one.
+    OtherArm,
     /// There is no look left.
     NoLookLeft,
 }
@@ -222,6 +225,7 @@ pub fn look(task: &Task, state: &State, progress: &Progress) -> Result<Look, Dia
     let goal_m = options.goal_after(&outcome.diagnosis);
     let next = match end(outcome.diagnosis.verdict, uncertainty_m, goal_m) {
         Some(reason) => Next::Stop(reason),
+        None if predicts_nothing(run, &outcome.diagnosis) => Next::Stop(Reason::OtherArm),
         None if state.looks >= options.looks => Next::Stop(Reason::NoLookLeft),
         None => {
             let found = Found::of(task, run, &outcome).map_err(none)?;
@@ -238,6 +242,25 @@ fn end(verdict: Verdict, uncertainty_m: Option<f64>, goal_m: f64) -> Option<Reas
         Verdict::EffectFound | Verdict::NoEffect if uncertainty_m.is_some_and(|m| m <= goal_m) => Some(Reason::Reached),
         _ => None,
     }
+}
+
+/// More of the spread of the measured positions than this is left by no model of the arm: effects are a few percent of it.
+const MAX_LEFT: f64 = 0.5;
+
+/// Whether the model, with the effects that were found, does not predict where the tool is.
+fn predicts_nothing(run: &Run, diagnosis: &Diagnosis) -> bool {
+    let axes = diagnosis.error.after.train.axes.iter().filter(|figure| figure.unit == "m");
+    let error_m = axes.map(|figure| figure.value * figure.value).sum::<f64>().sqrt();
+    let is_open = matches!(diagnosis.verdict, Verdict::UnexplainedStructure | Verdict::PartlyExplained);
+    is_open && error_m > MAX_LEFT * spread_m(run)
+}
+
+/// How far the measured positions of the tool are from their mean, root mean square, m.
+fn spread_m(run: &Run) -> f64 {
+    let positions = || run.samples.iter().map(|sample| sample.pose.position);
+    let n = positions().len().max(1) as f64;
+    let mean = positions().sum::<Vec3<f64>>() / n;
+    (positions().map(|position| (position - mean).norm_squared()).sum::<f64>() / n).sqrt()
 }
 
 /// How far the pose at the frames may be from the predicted one.

@@ -1,10 +1,12 @@
 //! The loop on the paper's arm, simulated.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use darm_arm::arm::frames::{self, DesiredFrame};
 use darm_core::units::Word;
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
 
 use super::*;
 use crate::effect::Law;
@@ -135,4 +137,24 @@ fn a_board_that_was_started_again_does_not_turn_time_back() {
     let state = State::default().with(at(50.0)).with(at(60.0)).with(at(2.0));
     let times: Vec<f64> = state.run.samples.iter().map(|sample| sample.time_s).collect();
     assert_eq!((times, state.looks), (vec![50.0, 60.0, 61.0], 3));
+}
+
+#[test]
+fn an_arm_whose_positions_the_model_does_not_predict_at_all_is_looked_at_once() {
+    let arm = arm();
+    let frames = desired(&arm);
+    let task = Task { arm: &arm, frames: &frames, options: &Options::default() };
+    let truth = Truth::draw(&arm, &frames, 3, Some(Kind::Nothing)).unwrap();
+    let mut station = Simulated { truth, visited: Vec::new() };
+    let mut samples = station.measure(&task.first().unwrap()).unwrap();
+    // Another arm: where its tool goes depends on the word in another way.
+    let mut other = ChaCha8Rng::seed_from_u64(5);
+    let mut places = BTreeMap::new();
+    for sample in &mut samples {
+        let place = places.entry(sample.word).or_insert_with(|| other.random::<[f64; 2]>());
+        sample.pose.position.x = 0.6 * (place[0] - 0.5);
+        sample.pose.position.y = 0.6 * (place[1] - 0.5);
+    }
+    let found = look(&task, &State::default().with(samples), &Progress::default()).unwrap();
+    assert_eq!(found.next, Next::Stop(Reason::OtherArm), "{}", found.outcome.diagnosis.verdict);
 }

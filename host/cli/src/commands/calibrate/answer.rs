@@ -236,6 +236,9 @@ fn in_words(reason: Reason) -> &'static str {
     match reason {
         Reason::Reached => "the verdict is confirmed and certain enough",
         Reason::WrongModelOrLog => "model and measurements do not belong together",
+        Reason::OtherArm => {
+            "the error is above half of what the measured positions vary by: is this the model of the arm, and are its poses those of the tool in the base?"
+        }
         Reason::NoLookLeft => {
             "all looks are used; repeat with a larger --goal, or with more --looks in another --folder"
         }
