@@ -337,6 +337,7 @@ impl<'t> Control<'t> {
             n_servos: table.map_or(0, |table| table.wiring().servos.len() as u8),
             button: self.button.is_pressed(self.now),
             is_moving: self.sequencer.has_moving_servo(&self.seen),
+            is_stopping: self.sequencer.has_stopping_servo(&self.seen),
             worst_lateness: self.worst_lateness,
         }
     }

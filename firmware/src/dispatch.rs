@@ -28,6 +28,7 @@ use crate::control::{Numbered, Order, Outcome, Shared};
 use crate::kept::{Kept, past};
 use crate::log::{EventLog, LogMemory};
 use crate::nearest::Room;
+use crate::servo::CYCLE;
 use crate::store::Store;
 pub(crate) use encode::encode;
 
@@ -350,7 +351,11 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
 
     /// Nothing runs and no servo moves: while a flash is written or the board restarts nobody looks after a servo.
     async fn require_idle(&self) -> Result<(), Refusal> {
-        let now = self.snapshot().await?;
+        let mut now = self.snapshot().await?;
+        while now.is_stopping {
+            self.clock.wait_until(self.clock.now() + CYCLE).await;
+            now = self.snapshot().await?;
+        }
         match now.phase {
             Phase::Idle | Phase::Safe(_) if now.is_moving => Err(Refusal::Busy),
             Phase::Idle | Phase::Safe(_) => Ok(()),

@@ -60,6 +60,8 @@ pub struct Sequencer<'t> {
     servos: [ServoAction; MAX_SERVOS],
     /// Joint angle = shaft angle − offset.
     offsets_rad: [f32; MAX_SERVOS],
+    /// When servos on their way were to hold last.
+    hold_since: Micros,
     /// When each servo answered last, without the time since then in which no tick ran.
     answered: [Option<Micros>; MAX_SERVOS],
     emergency_stop: bool,
@@ -83,6 +85,7 @@ impl<'t> Sequencer<'t> {
             is_armed: false,
             servos: [ServoAction::Hold; MAX_SERVOS],
             offsets_rad: [0.0; MAX_SERVOS],
+            hold_since: Micros(0),
             answered: [None; MAX_SERVOS],
             emergency_stop: false,
             has_begun_row: false,

@@ -89,6 +89,8 @@ pub struct Snapshot {
     pub button: bool,
     /// Whether a servo is on its way to a target.
     pub is_moving: bool,
+    /// Whether a servo that was on its way may not have its order to hold yet.
+    pub is_stopping: bool,
     /// Latest start of a tick so far, after its time.
     pub worst_lateness: Micros,
 }

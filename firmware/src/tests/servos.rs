@@ -82,3 +82,24 @@ fn no_flash_is_written_while_a_servo_moves() {
     is_at(&bench, 0.1);
     assert_eq!(bench.ask(Request::Commit(image)), Ok(Answer::Committed { rows: 4 }));
 }
+
+/// The order to hold goes over the bus: on a board whose ticks an erase stops, the servo would move on until its end.
+#[test]
+fn no_flash_is_written_before_a_servo_has_its_order_to_hold() {
+    for answers in [false, true] {
+        let bench = with_servo(0.0);
+        bench.command(Command::Servo { servo: 0, angle_rad: 0.3 }).unwrap();
+        bench.pass_ms(5);
+        bench.command(Command::Stop).unwrap();
+        bench.pass_ms(5);
+        if answers {
+            let answered = Some(Micros(bench.clock.0.get()));
+            bench.shared.see_servo(0, ServoSeen { answered, ..ServoSeen::default() });
+            bench.tick();
+        }
+        let before_us = bench.clock.0.get();
+        bench.ask(Request::Begin(table(2, 4, true).0)).unwrap();
+        let waited_us = bench.clock.0.get() - before_us;
+        assert_eq!(waited_us > 150_000, !answers, "{waited_us} us");
+    }
+}

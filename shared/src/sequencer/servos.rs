@@ -14,6 +14,12 @@ pub(super) const APPROACH_TOLERANCE_RAD: f32 = 0.01;
 /// A servo that is farther from its target moves. One that bears a load stays a little short of it.
 const MOTION_RAD: f32 = 0.05;
 
+/// Until then an order to hold has reached every servo that answers, also where all others of the bus are silent.
+const HOLD_TIME: Micros = Micros::from_millis(200);
+
+/// An order leaves with the next tick.
+const ORDER_TIME: Micros = Micros::from_millis(2);
+
 impl Sequencer<'_> {
     /// Whether a servo is on its way to a target.
     pub fn has_moving_servo(&self, seen: &Seen) -> bool {
@@ -21,6 +27,14 @@ impl Sequencer<'_> {
             ServoAction::Go(target) => (servo.angle_rad - target.angle_rad).abs() > MOTION_RAD,
             ServoAction::Hold | ServoAction::Release => false,
         })
+    }
+
+    /// Whether a servo that was on its way may not have its order to hold yet: it has not answered since, as it does when it gets
+    /// the order.
+    pub fn has_stopping_servo(&self, seen: &Seen) -> bool {
+        let is_recent = self.now - self.hold_since < HOLD_TIME;
+        let from = self.hold_since + ORDER_TIME;
+        is_recent && seen.servos.iter().any(|servo| servo.answered.is_some_and(|answered| answered < from))
     }
 
     /// Time in which no tick ran, as while code and tables share a flash that is erased, is no silence of a servo.
@@ -48,6 +62,7 @@ impl Sequencer<'_> {
 
     /// No servo continues to its target.
     pub(super) fn hold_servos(&mut self) {
+        self.note_hold();
         for action in &mut self.servos {
             if matches!(action, ServoAction::Go(_)) {
                 *action = ServoAction::Hold;
@@ -55,8 +70,16 @@ impl Sequencer<'_> {
         }
     }
 
+    /// Servos on their way are to hold from now on.
+    fn note_hold(&mut self) {
+        if self.servos.iter().any(|action| matches!(action, ServoAction::Go(_))) {
+            self.hold_since = self.now;
+        }
+    }
+
     /// Every servo does what its profile says for the safe state.
     pub(super) fn fall_back(&mut self) {
+        self.note_hold();
         self.servos = [ServoAction::Hold; MAX_SERVOS];
         for (action, servo) in self.servos.iter_mut().zip(&self.profile.servos) {
             *action = match servo.fallback {
