@@ -62,24 +62,17 @@ impl Sequencer<'_> {
 
     /// No servo continues to its target.
     pub(super) fn hold_servos(&mut self) {
-        self.note_hold();
         for action in &mut self.servos {
             if matches!(action, ServoAction::Go(_)) {
                 *action = ServoAction::Hold;
+                self.hold_since = self.now;
             }
-        }
-    }
-
-    /// Servos on their way are to hold from now on.
-    fn note_hold(&mut self) {
-        if self.servos.iter().any(|action| matches!(action, ServoAction::Go(_))) {
-            self.hold_since = self.now;
         }
     }
 
     /// Every servo does what its profile says for the safe state.
     pub(super) fn fall_back(&mut self) {
-        self.note_hold();
+        self.hold_servos();
         self.servos = [ServoAction::Hold; MAX_SERVOS];
         for (action, servo) in self.servos.iter_mut().zip(&self.profile.servos) {
             *action = match servo.fallback {
