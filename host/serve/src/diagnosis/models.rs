@@ -93,7 +93,7 @@ impl OriginView {
     /// `None` of a model that was corrected after no diagnosis of this history, or where that cannot be read.
     fn of(history: &History, digest: &str) -> Option<Self> {
         let (at_ms, data, report) = history.correction(digest).ok()??;
-        let report: Value = serde_json::from_str(&report).unwrap_or_default();
+        let report: Value = serde_json::from_str(&report).ok()?;
         let effect = &report["effects"][0];
         let named = effect["law"].as_str().zip(effect["place_name"].as_str());
         let effect = named.map_or_else(String::new, |(law, place)| format!("{law}, {place}"));
