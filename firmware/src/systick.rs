@@ -2,6 +2,7 @@
 //! counts.
 
 use core::cell::Cell;
+use core::num::NonZeroU32;
 
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::peripheral::{SCB, SYST};
@@ -23,9 +24,9 @@ static SLEEPERS: Sleepers = Sleepers::new();
 pub struct SysTick<const HCLK_HZ: u32>;
 
 impl<const HCLK_HZ: u32> SysTick<HCLK_HZ> {
-    const CYCLES_PER_US: u32 = HCLK_HZ / 1_000_000;
+    const CYCLES_PER_US: NonZeroU32 = NonZeroU32::new(HCLK_HZ / 1_000_000).expect("a core runs at 1 MHz at least");
     /// What the counter begins with: one cycle less than from one interrupt to the next.
-    const RELOAD: u32 = Self::CYCLES_PER_US * TICK.0 as u32 - 1;
+    const RELOAD: u32 = Self::CYCLES_PER_US.get() * TICK.0 as u32 - 1;
 
     /// Starts the clock at 0, once.
     pub fn start(self, timer: &mut SYST) {

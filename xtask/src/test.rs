@@ -51,12 +51,7 @@ impl Test {
         setup::rust()?;
         let has_emulator = self.has_emulator()?;
         let has_browser = has_browser()?;
-        cargo(&["fmt", "--all", "--check"])?;
-        cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"])?;
-        for board in Board::ALL {
-            let chip = ["--package", board.package(), "--features", "chip", "--target", board.target()];
-            cargo(&[&["clippy"], &chip[..], &["--", "-D", "warnings"]].concat())?;
-        }
+        style()?;
         for target in [TARGET, SMALL_TARGET] {
             cargo(&["build", "--package", "darm-core", "--target", target])?;
         }
@@ -99,12 +94,21 @@ fn has_browser() -> Result<bool> {
 }
 
 fn quick() -> Result<()> {
-    cargo(&["fmt", "--all", "--check"])?;
-    cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"])?;
+    style()?;
     let packages = UNIT_TESTED.iter().flat_map(|package| ["--package", package]);
     let unit_tests: Vec<&str> = ["test", "--quiet", "--lib"].into_iter().chain(packages).collect();
     cargo(&unit_tests)?;
     cargo(&["test", "--quiet", "--package", "darm-tests", "--test", "tidy", "--test", "sizes", "--test", "dialect"])
+}
+
+/// Of the workspace as the PC builds it, and of each board as its chip does.
+fn style() -> Result<()> {
+    cargo(&["fmt", "--all", "--check"])?;
+    cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"])?;
+    Board::ALL.into_iter().try_for_each(|board| {
+        let chip = ["--package", board.package(), "--features", "chip", "--target", board.target()];
+        cargo(&[&["clippy"], &chip[..], &["--", "-D", "warnings"]].concat())
+    })
 }
 
 fn cargo(arguments: &[&str]) -> Result<()> {
