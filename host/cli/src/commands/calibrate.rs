@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use darm_arm::arm::Arm;
 use darm_arm::arm::frames::{self, DesiredFrame};
 use darm_arm::reach::better_words::better_words;
-use darm_arm::synthesis::{self, Status, synthesize};
+use darm_arm::synthesis::{self, Status, synthesize_by_few};
 use darm_arm::wired_arm::WiredArm;
 use darm_core::units::Word;
 use darm_diagnose::calibrate::{Look, Next, Options, State, Station as _, Task, look};
@@ -241,9 +241,9 @@ fn step(frame: &DesiredFrame, word: Word) -> Step {
     Step { word, previous, servos_rad, load_kg: None, held_out: false, repeat: false }
 }
 
-/// The stops that bring the tool of the corrected model to the frames.
+/// The stops that bring the tool of the corrected model to the frames, of few actuators where those suffice.
 fn adjusted(corrected: &Arm, frames: &[DesiredFrame], folder: &Folder, seed: u64) -> anyhow::Result<Adjusted> {
-    let found = synthesize(corrected, frames, &synthesis::Options { seed, ..Default::default() })?;
+    let found = synthesize_by_few(corrected, frames, &synthesis::Options { seed, ..Default::default() })?;
     let file = folder.keep_arm("adjusted.toml", &found.arm)?;
     let reached = found.status == Status::Reached;
     Ok(Adjusted { file, reached, report: adjust::report(corrected, &found.arm, adjust::RESOLUTION_MM)? })

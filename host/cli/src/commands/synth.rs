@@ -12,7 +12,7 @@ use darm_arm::draw::{Scene, svg};
 use darm_arm::synthesis::{
     Bounds, Method, MinStroke, Options, Scheme as PaperScheme, SearchHandle, Status, StuckActuator, Synthesis,
     Tolerance, buy, choose_words, equal_stops, expected, min_strokes, minimize_sensitivity, read_catalogue, repair,
-    short_strokes, stops_as_they_are, synthesize,
+    short_strokes, stops_as_they_are, synthesize_by_few,
 };
 
 use crate::failure::Usage;
@@ -230,7 +230,7 @@ impl Synth {
             extras.repair = Some(cost);
             found
         } else {
-            synthesize(base, desired, options)?
+            synthesize_by_few(base, desired, options)?
         };
         let Some(tolerance) = self.part_error.filter(|_| found.status == Status::Reached) else {
             return Ok((found, extras));

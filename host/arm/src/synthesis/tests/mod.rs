@@ -14,6 +14,7 @@ use super::*;
 use crate::arm::ArmScratch;
 use darm_core::chain::Parameter;
 use darm_core::effect::gravity_sag::GravitySag;
+use darm_core::effect::length_offset::LengthOffset;
 use darm_core::effect::play::Play;
 use darm_core::effect::stroke_loss::StrokeLoss;
 use darm_core::effect::{Effect, Place};

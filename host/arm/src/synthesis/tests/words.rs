@@ -1,4 +1,4 @@
-//! Words that are chosen, and words without a failed actuator.
+//! Words that are chosen, words without a failed actuator, and stops of few actuators.
 
 use super::*;
 
@@ -35,4 +35,31 @@ fn a_dead_actuator_is_worked_around() {
     assert_eq!((found.status, cost.frames_met), (Status::Reached, 5));
     assert!(found.frames.iter().all(|reached| reached.frame.word.digit(4) == 0));
     assert!(cost.stops_turned > 0 && cost.alteration_m > 0.0 && cost.words_left == 0.5);
+}
+
+/// An arm with strokes that are wrong meets its frames again by the stops of those actuators, and of no other.
+#[test]
+fn stops_of_few_actuators_are_turned_where_they_suffice() {
+    let arm = planar4();
+    let desired = own_frames(&arm, &WORDS);
+    let turned = |offsets: &[u8], other: Option<u8>| {
+        let mut corrected = arm.clone();
+        for &actuator in offsets {
+            let offset = LengthOffset { actuator, offset_m: 2e-3 };
+            corrected.model.effects.push(offset.into()).unwrap();
+        }
+        if let Some(actuator) = other {
+            let stop = Parameter::Stop { actuator, state: 1 };
+            let length_m = corrected.model.chain.get(stop).unwrap();
+            corrected.model.chain.set(stop, length_m + 2e-3).unwrap();
+        }
+        let found = synthesize_by_few(&corrected, &desired, &Options::default()).unwrap();
+        assert_eq!(found.status, Status::Reached);
+        found.stops_turned(&corrected)
+    };
+    // An offset is of both stops of an actuator.
+    assert_eq!([turned(&[4], None), turned(&[1, 4], None)], [2, 4]);
+    // The effect explains nothing of what another actuator does wrong.
+    assert!(turned(&[], Some(4)) > 2);
+    assert!(turned(&[1], Some(4)) > 4);
 }
