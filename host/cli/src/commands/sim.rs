@@ -81,9 +81,8 @@ pub(crate) struct Sim {
     /// Run the firmware's library in this process; the default without the emulator or without an image
     #[arg(long, conflicts_with = "pty")]
     in_process: bool,
-    /// Undeclared effect in the arm: none, any, stroke-loss, anchor-offset, gravity-sag, play, supply-stroke or
-    /// thermal-growth
-    #[arg(long, value_name = "KIND", default_value = "none")]
+    /// Undeclared effect in the arm
+    #[arg(long, value_name = "KIND", default_value = "none", value_parser = Effect::parser())]
     effect: Effect,
     /// Seed of the effect's place and size, and of the camera noise
     #[arg(long, value_name = "N", default_value_t = 1)]

@@ -2,6 +2,7 @@
 
 use std::str::FromStr;
 
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use darm_arm::arm::frames::{DesiredFrame, Weights};
 use darm_arm::arm::{Arm, ArmScratch};
 use darm_diagnose::measurement_plan::{Step, candidates};
@@ -28,6 +29,12 @@ impl FromStr for Effect {
 }
 
 impl Effect {
+    /// Reads a name; a shell completes it.
+    pub(crate) fn parser() -> impl TypedValueParser<Value = Self> {
+        let kinds = [Kind::Nothing].into_iter().chain(Kind::EFFECTS).map(Kind::name);
+        PossibleValuesParser::new(kinds.chain(["any"])).try_map(|name| name.parse::<Self>())
+    }
+
     /// The arm with this effect, large enough to be visible at a few words.
     pub(crate) fn draw(self, arm: &Arm, seed: u64) -> Result<Truth, TruthError> {
         let kind = match self {
