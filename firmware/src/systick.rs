@@ -2,7 +2,6 @@
 //! counts.
 
 use core::cell::Cell;
-use core::num::NonZeroU32;
 
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::peripheral::{SCB, SYST};
@@ -24,9 +23,9 @@ static SLEEPERS: Sleepers = Sleepers::new();
 pub struct SysTick<const HCLK_HZ: u32>;
 
 impl<const HCLK_HZ: u32> SysTick<HCLK_HZ> {
-    const CYCLES_PER_US: NonZeroU32 = NonZeroU32::new(HCLK_HZ / 1_000_000).expect("a core runs at 1 MHz at least");
+    const CYCLES_PER_US: u32 = HCLK_HZ / 1_000_000;
     /// What the counter begins with: one cycle less than from one interrupt to the next.
-    const RELOAD: u32 = Self::CYCLES_PER_US.get() * TICK.0 as u32 - 1;
+    const RELOAD: u32 = Self::CYCLES_PER_US * TICK.0 as u32 - 1;
 
     /// Starts the clock at 0, once.
     pub fn start(self, timer: &mut SYST) {
@@ -62,7 +61,7 @@ impl<const HCLK_HZ: u32> Clock for SysTick<HCLK_HZ> {
                 left = SYST::get_current();
             }
             let ticks = TICKS.borrow(section).get().wrapping_add(has_wrapped.into());
-            let us = Self::RELOAD.saturating_sub(left) / Self::CYCLES_PER_US;
+            let us = Self::RELOAD.saturating_sub(left).checked_div(Self::CYCLES_PER_US).unwrap_or(0);
             Micros(ticks.wrapping_mul(TICK.0).wrapping_add(us.into()))
         })
     }
