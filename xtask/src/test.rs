@@ -7,7 +7,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail};
 
 use xtask::image::{self, Board};
-use xtask::setup::{self, Emulator, SMALL_TARGET, TARGET};
+use xtask::setup::{self, Emulator};
 
 /// All tests: format, lints, documentation, unit and system tests, the image in the emulator
 #[derive(clap::Args)]
@@ -52,9 +52,6 @@ impl Test {
         let has_emulator = self.has_emulator()?;
         let has_browser = has_browser()?;
         style()?;
-        for target in [TARGET, SMALL_TARGET] {
-            cargo(&["build", "--package", "darm-core", "--target", target])?;
-        }
         Board::ALL.into_iter().try_for_each(image::check)?;
         image::check_that_kinematics_cannot_panic()?;
         let mut tests = command(&["test", "--workspace"]);
