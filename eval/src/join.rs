@@ -18,6 +18,9 @@ use crate::{bench, blind, demo, faults, papers};
 /// named, and nothing is written.
 #[derive(clap::Args)]
 pub(crate) struct Merge {
+    /// Count the outcomes of several runs of a command together, such as those of other seeds
+    #[arg(long)]
+    together: bool,
     /// Files that the processes wrote with --results
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
@@ -28,28 +31,34 @@ pub(crate) struct Merge {
 
 impl Merge {
     pub(crate) fn run(self) -> Result<()> {
-        let results = Results::read(&self.files)?;
-        match results.run.command.as_str() {
-            blind::Job::COMMAND => self.report::<blind::Job>(results),
-            blind::Damages::COMMAND => self.report::<blind::Damages>(results),
-            blind::Layouts::COMMAND => self.report::<blind::Layouts>(results),
-            blind::Mechanisms::COMMAND => self.report::<blind::Mechanisms>(results),
-            demo::Sweep::COMMAND => self.report::<demo::Sweep>(results),
-            bench::SynthesisSweep::COMMAND => self.report::<bench::SynthesisSweep>(results),
-            bench::Reach::COMMAND => self.report::<bench::Reach>(results),
-            faults::Job::COMMAND => self.report::<faults::Job>(results),
-            papers::Darm::COMMAND => self.report::<papers::Darm>(results),
-            papers::Grasp::COMMAND => self.report::<papers::Grasp>(results),
-            papers::Memr::COMMAND => self.report::<papers::Memr>(results),
-            darm_simulate::seeds::Seeds::COMMAND => self.report::<darm_simulate::seeds::Seeds>(results),
-            darm_simulate::mutants::Mutants::COMMAND => self.report::<darm_simulate::mutants::Mutants>(results),
+        let runs = if self.together { Results::read_runs(&self.files)? } else { vec![Results::read(&self.files)?] };
+        let command = runs.first().context("no files to merge")?.run.command.clone();
+        match command.as_str() {
+            blind::Job::COMMAND => self.report::<blind::Job>(runs),
+            blind::Damages::COMMAND => self.report::<blind::Damages>(runs),
+            blind::Layouts::COMMAND => self.report::<blind::Layouts>(runs),
+            blind::Mechanisms::COMMAND => self.report::<blind::Mechanisms>(runs),
+            demo::Sweep::COMMAND => self.report::<demo::Sweep>(runs),
+            bench::SynthesisSweep::COMMAND => self.report::<bench::SynthesisSweep>(runs),
+            bench::Reach::COMMAND => self.report::<bench::Reach>(runs),
+            faults::Job::COMMAND => self.report::<faults::Job>(runs),
+            papers::Darm::COMMAND => self.report::<papers::Darm>(runs),
+            papers::Grasp::COMMAND => self.report::<papers::Grasp>(runs),
+            papers::Memr::COMMAND => self.report::<papers::Memr>(runs),
+            darm_simulate::seeds::Seeds::COMMAND => self.report::<darm_simulate::seeds::Seeds>(runs),
+            darm_simulate::mutants::Mutants::COMMAND => self.report::<darm_simulate::mutants::Mutants>(runs),
             other => bail!("no command {other:?} writes result files"),
         }
     }
 
-    fn report<J: Job>(&self, results: Results) -> Result<()> {
-        let (job, outcomes) = results.outcomes::<J>()?;
-        items::report(&job, &outcomes, self.json.as_deref())
+    fn report<J: Job>(&self, runs: Vec<Results>) -> Result<()> {
+        if let Some(other) = runs.iter().find(|other| other.run.command != J::COMMAND) {
+            bail!("{} and {} are two commands", J::COMMAND, other.run.command);
+        }
+        let (jobs, outcomes): (Vec<J>, Vec<Vec<J::Outcome>>) =
+            runs.into_iter().map(Results::outcomes).collect::<Result<Vec<_>>>()?.into_iter().unzip();
+        let job = jobs.first().context("no files to merge")?;
+        items::report(job, &outcomes.into_iter().flatten().collect::<Vec<_>>(), self.json.as_deref())
     }
 }
 

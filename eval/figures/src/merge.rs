@@ -44,6 +44,23 @@ impl Merged {
         Ok(Self { run, outcomes: join(items)? })
     }
 
+    /// Reads the files of several runs, each run with all of its files.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::read`] of the files of one run.
+    pub fn read_runs(files: &[PathBuf]) -> Result<Vec<Self>> {
+        let mut runs: Vec<(Run, Vec<PathBuf>)> = Vec::new();
+        for file in files {
+            let run = Self::read(std::slice::from_ref(file))?.run;
+            match runs.iter_mut().find(|(known, _)| known.differences(&run).is_empty()) {
+                Some((_, files)) => files.push(file.clone()),
+                None => runs.push((run, vec![file.clone()])),
+            }
+        }
+        runs.iter().map(|(_, files)| Self::read(files)).collect()
+    }
+
     /// The job and all its outcomes.
     ///
     /// # Errors

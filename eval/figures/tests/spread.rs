@@ -177,3 +177,18 @@ fn the_figures_have_the_shape_of_all_commands() {
     let figures = Figures::read(&folder.path().join("one.json")).unwrap();
     assert_eq!((figures.rows.len(), figures.rows[1].value), (2, 23.0));
 }
+
+#[test]
+fn runs_of_other_seeds_count_together_on_demand() {
+    let folder = tempfile::tempdir().unwrap();
+    let files = two_processes(folder.path());
+    let other = folder.path().join("other.results");
+    let fewer = Draws { seeds: 5, ..JOB };
+    items::run(&fewer, &spread("--results FOLDER/other.results", folder.path())).unwrap();
+    let all = [files[0].clone(), other, files[1].clone()];
+    let error = Merged::read(&all).unwrap_err().to_string();
+    assert!(error.contains("belong to different runs"), "{error}");
+    let runs = Merged::read_runs(&all).unwrap();
+    let counts: Vec<usize> = runs.into_iter().map(|run| run.outcomes::<Draws>().unwrap().1.len()).collect();
+    assert_eq!(counts, [23, 5]);
+}

@@ -85,8 +85,11 @@ impl items::Job for Layouts {
     }
 
     fn figures(&self, outcomes: &[Outcome]) -> Result<Vec<Figure>> {
-        by_layout(outcomes, &self.layouts());
-        figures(outcomes, &self.layouts())
+        // Those of other runs may be among the outcomes.
+        let is_drawn = |layout: &Layout| outcomes.iter().any(|outcome| outcome.layout == *layout);
+        let layouts: Vec<Layout> = Layout::value_variants().iter().copied().filter(is_drawn).collect();
+        by_layout(outcomes, &layouts);
+        figures(outcomes, &layouts)
     }
 
     fn seed(&self) -> u64 {
