@@ -123,7 +123,7 @@ impl Calibrate {
         if let Some(corrected) = last.outcome.correction.corrected(&wired.arm, &state.run, Keep::Effects) {
             result.model = Some(folder.keep_arm("model.toml", &corrected)?);
             let (better, table) = words(&corrected, &frames, &board)?;
-            result.frames = reports(&corrected, &frames, &better)?;
+            result.frames = reports([&wired.arm, &corrected], &frames, &better)?;
             if self.upload {
                 let words: Vec<&DesiredFrame> = frames.iter().chain(better.iter().map(|(frame, _)| frame)).collect();
                 result.add_measured(&measured(&words, &mut board)?);
@@ -203,9 +203,10 @@ fn words(corrected: &Arm, frames: &[DesiredFrame], board: &Board) -> anyhow::Res
     Ok((better, table))
 }
 
-fn reports(corrected: &Arm, frames: &[DesiredFrame], better: &[Better]) -> anyhow::Result<Vec<FrameReport>> {
+/// What the model as drawn and the corrected one predict at the frames.
+fn reports(models: [&Arm; 2], frames: &[DesiredFrame], better: &[Better]) -> anyhow::Result<Vec<FrameReport>> {
     let pairs = frames.iter().zip(better);
-    pairs.map(|(old, (new, after_m))| FrameReport::new(corrected, old, new, *after_m)).collect()
+    pairs.map(|(old, (new, after_m))| FrameReport::new(models, old, new, *after_m)).collect()
 }
 
 /// Measures frames, each from the word before it; how far each is from its target, m. What was measured before is read from

@@ -67,6 +67,10 @@ fn a_calibration_continues_with_the_look_that_is_not_complete() {
     assert_eq!((&said["reason"], &said["verdict"]), (&"reached".into(), &"effect-found".into()));
     assert_eq!(said["effects"][0]["law"], "play");
     assert_eq!(said["looks"].as_array().unwrap().len(), looks.len());
+    // The stops of the example are no synthesis for its frames.
+    let drawn = "the arm as drawn misses the frames by up to 77.";
+    let text = home.succeeds(&line);
+    assert!(text.contains(drawn), "{text}");
     // As one recording for the diagnosis it gives the same model, but for the way to the profile.
     home.succeeds("diagnose planar4.toml calibration/run.csv -o model.toml");
     let effects =

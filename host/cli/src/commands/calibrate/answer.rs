@@ -51,6 +51,8 @@ pub(super) struct LookReport {
 pub(super) struct FrameReport {
     name: String,
     word: String,
+    /// Distance that the model without the effects that were found predicts with that word.
+    as_drawn_m: f64,
     predicted_m: f64,
     /// Distance that was measured with that word; `None` where the frame was not measured.
     measured_m: Option<f64>,
@@ -118,6 +120,18 @@ impl Calibrated {
         self.frames.iter().all(|frame| frame.word == frame.better_word)
     }
 
+    /// Where the arm as drawn misses the frames as well, in a sentence.
+    fn design(&self) -> Option<String> {
+        let goal_m = self.looks.last()?.goal_m;
+        let most_m = self.frames.iter().map(|frame| frame.as_drawn_m).fold(0.0, f64::max);
+        (most_m > goal_m).then(|| {
+            format!(
+                "the arm as drawn misses the frames by up to {:.3} mm: its stops are not those that `darm synth` finds for them",
+                1e3 * most_m
+            )
+        })
+    }
+
     /// The measured errors before and after, in a sentence.
     fn measured(&self) -> Option<String> {
         let both = self.frames.iter().filter_map(|frame| frame.measured_m.zip(frame.better_measured_m));
@@ -156,13 +170,17 @@ impl LookReport {
 
 impl FrameReport {
     /// A frame whose present word is that of `old`, and the nearest that of `new`, `after_m` away.
-    pub(super) fn new(corrected: &Arm, old: &DesiredFrame, new: &DesiredFrame, after_m: f64) -> anyhow::Result<Self> {
-        let condition = corrected.model.working(old.word, old.previous, &old.servos_rad);
-        let pose = corrected.model.predict(&condition, &mut ArmScratch::default())?;
+    pub(super) fn new(
+        [drawn, corrected]: [&Arm; 2],
+        old: &DesiredFrame,
+        new: &DesiredFrame,
+        after_m: f64,
+    ) -> anyhow::Result<Self> {
         Ok(Self {
             name: old.name.clone(),
             word: old.word.to_string(),
-            predicted_m: old.distance_m(corrected, &pose),
+            as_drawn_m: predicted_m(drawn, old)?,
+            predicted_m: predicted_m(corrected, old)?,
             measured_m: None,
             better_word: new.word.to_string(),
             better_predicted_m: after_m,
@@ -180,6 +198,12 @@ impl FrameReport {
         let (name, word, better_word) = (self.name.clone(), self.word.clone(), self.better_word.clone());
         vec![name, word, predicted, measured, better_word, better_predicted, better_measured]
     }
+}
+
+/// How far a frame is from where a model predicts the tool with its word, m.
+fn predicted_m(arm: &Arm, frame: &DesiredFrame) -> anyhow::Result<f64> {
+    let condition = arm.model.working(frame.word, frame.previous, &frame.servos_rad);
+    Ok(frame.distance_m(arm, &arm.model.predict(&condition, &mut ArmScratch::default())?))
 }
 
 /// Root of the mean square; `None` of no values.
@@ -206,6 +230,7 @@ impl Answer for Calibrated {
                 std::iter::once(head).chain(self.frames.iter().map(FrameReport::cells)).collect();
             lines.extend([String::new(), columns(&rows)]);
             lines.extend(self.measured());
+            lines.extend(self.design());
             let words = shown(&self.folder, "words.darm");
             lines.push(match &self.uploaded {
                 Some(digest) => format!("uploaded the nearest words: table {}", digest.get(..16).unwrap_or(digest)),
