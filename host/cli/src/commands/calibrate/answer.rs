@@ -123,11 +123,11 @@ impl Calibrated {
     /// Where the arm as drawn misses the frames as well, in a sentence.
     fn design(&self) -> Option<String> {
         let goal_m = self.looks.last()?.goal_m;
-        let most_m = self.frames.iter().map(|frame| frame.as_drawn_m).fold(0.0, f64::max);
-        (most_m > goal_m).then(|| {
+        let max_m = self.frames.iter().map(|frame| frame.as_drawn_m).fold(0.0, f64::max);
+        (max_m > goal_m).then(|| {
             format!(
                 "the arm as drawn misses the frames by up to {:.3} mm: its stops are not those that `darm synth` finds for them",
-                1e3 * most_m
+                1e3 * max_m
             )
         })
     }
