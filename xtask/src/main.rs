@@ -27,7 +27,9 @@ enum Task {
     Papers(Arguments),
     /// Diagnoses arms with hidden effects, seed by seed; prints rates with their intervals beside baselines
     Blind(Arguments),
-    /// Cuts the power at seeded moments, sends damaged frames, stops through a port that is held; prints the counts
+    /// Calibrates simulated arms look by look; prints false alarms, or visits beside one measurement plan
+    Calibrate(Arguments),
+    /// Cuts the power at seeded moments, sends damaged frames, stops through a port that is held, kills the live page; prints the counts
     Faults(Arguments),
     /// Runs the complete system in virtual time under two judges; prints what they find
     Simulate(Arguments),
@@ -50,6 +52,7 @@ fn main() -> ExitCode {
         Task::Bench(arguments) => start::measurement("bench", &arguments),
         Task::Papers(arguments) => start::measurement("papers", &arguments),
         Task::Blind(arguments) => start::measurement("blind", &arguments),
+        Task::Calibrate(arguments) => start::measurement("calibrate", &arguments),
         Task::Faults(arguments) => start::measurement("faults", &arguments),
         Task::Simulate(arguments) => start::simulation(&arguments),
         Task::Merge(arguments) => start::measurement("merge", &arguments),
@@ -63,4 +66,24 @@ fn main() -> ExitCode {
         eprintln!("error: {error:#}");
         ExitCode::FAILURE
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser as _;
+
+    use super::Cli;
+
+    #[test]
+    fn every_command_of_a_measured_figure_exists() {
+        let path = xtask::setup::root().join("docs/figures/index.toml");
+        let index: toml::Table = std::fs::read_to_string(path).unwrap().parse().unwrap();
+        let figures = index["figures"].as_array().unwrap();
+        assert!(!figures.is_empty());
+        for figure in figures {
+            let command = figure["command"].as_str().unwrap();
+            let arguments = command.strip_prefix("cargo ").unwrap().split_whitespace();
+            assert!(Cli::try_parse_from(arguments).is_ok(), "{command}");
+        }
+    }
 }
