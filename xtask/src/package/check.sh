@@ -55,11 +55,12 @@ use() {
     darm upload two.darm
     darm play two.darm
     darm status
-    darm serve planar4.toml --listen 127.0.0.1:8420 > serve.log 2>&1 &
+    darm serve planar4.toml --listen 127.0.0.1:0 > serve.log 2>&1 &
     server=$!
     wait_for serve.log "page "
-    curl --silent --show-error --fail http://127.0.0.1:8420/ | grep --only-matching '<title>[^<]*</title>'
-    curl --silent --show-error --fail http://127.0.0.1:8420/vendor/three.module.min.js | wc -c
+    page=$(grep --only-matching 'http://[^ ]*' serve.log | head --lines 1)
+    curl --silent --show-error --fail "$page" | grep --only-matching '<title>[^<]*</title>'
+    curl --silent --show-error --fail "${page}vendor/three.module.min.js" | wc -c
     end $server
     darm doctor
     end $simulator
