@@ -19,6 +19,8 @@ pub struct Seen<'a> {
     pub boots: u32,
     /// Digest of its table.
     pub table: Option<&'a str>,
+    /// The first event that is certain to be of that table: the board may have had another one before.
+    pub table_from: u32,
     /// Hash of the model that the table was made for.
     pub model: Option<&'a str>,
     /// Digest of its profile.
@@ -228,8 +230,8 @@ impl Seen<'_> {
              VALUES (?1, 'running', ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9) ON CONFLICT DO NOTHING",
             params![
                 self.at_ms(event),
-                self.table,
-                self.model,
+                self.table.filter(|_| event.number >= self.table_from),
+                self.model.filter(|_| event.number >= self.table_from),
                 self.profile,
                 self.board,
                 self.device,
@@ -280,11 +282,16 @@ mod tests {
     }
 
     fn see(history: &History, boots: u32, events: &[EventView]) {
+        see_table_from(history, boots, 0, events);
+    }
+
+    fn see_table_from(history: &History, boots: u32, table_from: u32, events: &[EventView]) {
         let seen = Seen {
             board: "pico",
             device: "d",
             boots,
             table: Some("t"),
+            table_from,
             model: None,
             profile: None,
             board_now_s: 10.0,
@@ -322,6 +329,16 @@ mod tests {
         // A board without a memory counts from the beginning; the time differs.
         see(&history, 1, &[event(3, 4.000_001, "started"), event(4, 4.2, "stopped")]);
         assert_eq!(runs(&history).len(), 2);
+    }
+
+    #[test]
+    fn a_run_from_before_the_table_was_seen_is_of_no_known_table() {
+        let (_folder, history) = history();
+        let events = [event(3, 4.0, "started"), event(4, 6.0, "finished"), event(5, 7.0, "started")];
+        see_table_from(&history, 1, 5, &events);
+        let runs = history.entries(Kind::Runs, None).unwrap();
+        let tables: Vec<&Value> = runs.iter().map(|run| &run["table"]).collect();
+        assert_eq!(tables, [&Value::from("t"), &Value::Null]);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use darm_core::output::{ActuatorWiring, Wiring};
-use darm_core::sequencer::ServoSeen;
+use darm_core::sequencer::{Phase, ServoSeen};
 use darm_core::units::{Digest, Micros, Word};
 use darm_core::wire::message::{Hello, OutputState, Status};
 use darm_device::client::{Client, ClientError};
@@ -34,6 +34,8 @@ const SETTLING_S: f64 = 0.05;
 pub(super) struct Observer {
     hub: Arc<Hub>,
     next_event: u32,
+    /// The first event that is certain to be of the table that the board has; `None` before the first look.
+    table_from: Option<u32>,
     /// Events that the history has not taken yet.
     unrecorded: Vec<EventView>,
     outputs: Vec<OutputState>,
@@ -55,6 +57,7 @@ impl Observer {
         Self {
             hub,
             next_event,
+            table_from: None,
             unrecorded: Vec::new(),
             outputs: Vec::new(),
             outputs_due: Instant::now(),
@@ -99,6 +102,7 @@ impl Observer {
 
     /// Records new events before any page sees them; where that fails they are kept for the next look.
     fn record(&mut self, board: &BoardView, status: &Status, board_now_s: f64, events: &[EventView]) {
+        let table_from = *self.table_from.get_or_insert_with(|| first_of_table(status, events, self.next_event));
         let Some(history) = self.hub.history() else { return };
         self.unrecorded.extend_from_slice(events);
         if self.unrecorded.is_empty() {
@@ -110,6 +114,7 @@ impl Observer {
             device: &board.device,
             boots: board.boots,
             table: board.table.as_deref(),
+            table_from,
             model: model.as_deref(),
             profile: board.profile.as_deref(),
             board_now_s,
@@ -217,6 +222,14 @@ impl Observer {
             limit: state.limit.into(),
         }
     }
+}
+
+/// Of what was seen at the first look, the first event of the table that the board has now: the beginning of the program that
+/// runs. A program that has ended may have been of another table.
+fn first_of_table(status: &Status, seen: &[EventView], next_event: u32) -> u32 {
+    let is_running = matches!(status.phase, Phase::Approaching { .. } | Phase::Playing { .. });
+    let started = seen.iter().rev().find(|event| event.kind == "started").filter(|_| is_running);
+    started.map_or(next_event, |event| event.number)
 }
 
 /// The first event to fetch: some from before the connection, and all that the history does not have.
