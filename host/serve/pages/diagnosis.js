@@ -156,6 +156,8 @@ async function diagnose() {
     byId('verdict-section').focus();
     showModels().catch(() => {});
   } catch (error) {
+    // A verdict on other files would be read as theirs.
+    if (!running.signal.aborted) show(null);
     const former = result ? `. The result below is of ${result.model} and ${result.data}.` : '';
     showFailure((running.signal.aborted ? 'The diagnosis was cancelled' : error.message) + former);
   }
@@ -175,7 +177,12 @@ byId('cancel').addEventListener('click', () => running?.abort());
 function show(shown) {
   result = shown;
   byId('actions').hidden = !result;
-  if (!result) return;
+  if (!result) {
+    // Behind the actions, which stand within a result.
+    byId('result').before(byId('actions'));
+    byId('result').replaceChildren();
+    return;
+  }
   setText(byId('result-files'), `${result.model} and ${result.data}`);
   // What can be done stands behind the verdict.
   byId('result').before(byId('actions'));

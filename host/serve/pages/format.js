@@ -18,6 +18,9 @@ export function seconds(s) {
   return s < 0.1 ? `${(1e3 * s).toFixed(1)} ms` : `${s.toFixed(s < 10 ? 2 : 1)} s`;
 }
 
+// A time of the board's clock, which is exact to the millisecond.
+export const clock = (s) => `${fixed(s, 3)} s`;
+
 export const short = (digest) => (digest ? digest.slice(0, 16) : 'none');
 // A model by its file and number; its digest tells apart two of one name.
 export const modelName = ({ name, number }) => (number === null ? name : `${name}, model ${number}`);

@@ -2,7 +2,7 @@
 
 import { get, getBytes } from './server.js';
 import { follow } from './frame.js';
-import { byId, make, modelName, save, seconds, setText, short, titleCells } from './format.js';
+import { byId, clock, make, modelName, save, seconds, setText, short, titleCells } from './format.js';
 
 const when = (ms) => (ms === null ? '–' : new Date(ms).toLocaleString('sv'));
 const OUTCOMES = { running: '… running', finished: '✓ finished', stopped: '■ stopped', fault: '✕ fault', unknown: '? end not seen' };
@@ -74,7 +74,7 @@ const showEvents = (run) => attempt(async () => {
   byId('events-section').hidden = false;
   setText(byId('events-title'), `Events of the run that began ${when(run.started_ms)}`);
   byId('events').replaceChildren(...events.map((event) =>
-    make('li', { className: event.kind, value: event.number }, make('time', {}, `${event.at_s.toFixed(3)} s`), ` ${event.text}`)));
+    make('li', { className: event.kind, value: event.number }, make('time', {}, clock(event.at_s)), ` ${event.text}`)));
   byId('events-title').focus();
 });
 

@@ -2,7 +2,7 @@
 
 import { get } from './server.js';
 import { follow, hasControl, onLive, order } from './frame.js';
-import { byId, degrees, make, percent, poseText, seconds, setFacts, setText, short } from './format.js';
+import { byId, clock, degrees, make, percent, poseText, seconds, setFacts, setText, short } from './format.js';
 import { showMeasured } from './measured.js';
 
 const PHASES = {
@@ -120,7 +120,7 @@ function showEvents(events) {
   if (key === lastEvent) return;
   lastEvent = key;
   byId('events').replaceChildren(...events.toReversed().slice(0, 20).map((event) =>
-    make('li', { className: event.kind, value: event.number }, make('time', {}, `${event.at_s.toFixed(3)} s`), ` ${event.text}`)));
+    make('li', { className: event.kind, value: event.number }, make('time', {}, clock(event.at_s)), ` ${event.text}`)));
 }
 
 // ---------------------------------------------------------------- outputs and servos

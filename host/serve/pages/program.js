@@ -2,7 +2,7 @@
 
 import { get, getBytes, post } from './server.js';
 import { follow, hasControl, onLive, order, showAlert } from './frame.js';
-import { byId, degrees, make, save, seconds, setFacts, setText, short } from './format.js';
+import { byId, clock, degrees, make, save, seconds, setFacts, setText, short } from './format.js';
 import { TimeLine } from './timeline.js';
 
 const timeline = new TimeLine(byId('timeline'));
@@ -65,7 +65,7 @@ function showProgram(refusal) {
     const isRefused = refusal?.row === index;
     const cells = [
       make('td', { className: 'num' }, String(index)),
-      make('td', { className: 'num' }, seconds(row.at_s)),
+      make('td', { className: 'num' }, clock(row.at_s)),
       make('td', {}, make('code', {}, row.word)),
       make('td', {}, row.servos_rad.map(degrees).join(' ')),
       make('td', {}, isRefused ? (refusal.text ?? refusal.message) : ''),

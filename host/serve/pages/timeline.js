@@ -1,6 +1,6 @@
 // A program as lanes: one for each output, with the spans in which it is on.
 
-import { seconds } from './format.js';
+import { clock, seconds } from './format.js';
 
 const SVG = 'http://www.w3.org/2000/svg';
 // Height of a lane, and of the name in it: beside its bars, or above them on a narrow page.
@@ -76,7 +76,7 @@ export class TimeLine {
     for (const [from, to] of lane.spans_s) {
       const width = Math.max(1, this.x(to) - this.x(from));
       const span = draw('rect', { class: `span ${lane.drive}${isCause ? ' cause' : ''}`, x: this.x(from), y: y + bar, width, height: BAR, rx: 2 });
-      span.append(draw('title', {}, `${this.label(lane)}: on from ${seconds(from)} to ${seconds(to)}`));
+      span.append(draw('title', {}, `${this.label(lane)}: on from ${clock(from)} to ${clock(to)}`));
       parts.push(span);
     }
     return parts;
