@@ -7,6 +7,8 @@ const KEY = 'darm-control-key';
 // Without an answer of the server for this time the page says so.
 const SERVER_LOST_MS = 1000;
 const RENEW_MS = 1000;
+// A state from before a stop may arrive as long after it.
+const FORMER_STATE_MS = 500;
 
 // The storage of the tab has the key of its last page. A page that is left says so; the next one resumes within 2 s under a
 // new key, so that no duplicate of the tab has it. Otherwise the server takes control away, and what was switched by hand goes off.
@@ -21,6 +23,8 @@ export const hasControl = () => control.key !== null;
 
 // ---------------------------------------------------------------- the stop
 
+let confirmedAt = 0;
+
 async function stop() {
   const note = byId('stopped');
   note.hidden = false;
@@ -29,12 +33,23 @@ async function stop() {
   try {
     const { confirmed, took_s } = await post('/api/stop', {}, { timeoutMs: 3000 });
     note.dataset.outcome = confirmed ? 'confirmed' : 'missing';
+    confirmedAt = performance.now();
     setText(note, confirmed
       ? `Stopped: the board confirmed after ${seconds(took_s)} that all outputs are off.`
       : 'The stop was sent, but the board did not confirm it: switch off the supply of the arm.');
   } catch (error) {
     note.dataset.outcome = 'failed';
-    setText(note, `NOT STOPPED: ${error.message}. Switch off the supply of the arm.`);
+    setText(note, `NOT STOPPED: switch off the supply of the arm. ${error.message}`);
+  }
+}
+
+// A confirmed stop is true until the arm is moved again, or the board is not seen.
+function showStop({ link, board }) {
+  const note = byId('stopped');
+  const isAtRest = link.state === 'live' && ['idle', 'safe'].includes(board?.phase.name);
+  if (note.dataset.outcome === 'confirmed' && !isAtRest && performance.now() - confirmedAt > FORMER_STATE_MS) {
+    note.hidden = true;
+    note.dataset.outcome = '';
   }
 }
 
@@ -193,6 +208,7 @@ export async function follow() {
       after = live.revision;
       last = live;
       showLink(live.link.state);
+      showStop(live);
       for (const listener of listeners) listener(live);
     } catch (error) {
       if (error.kind === 'denied') {

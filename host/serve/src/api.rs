@@ -157,9 +157,8 @@ pub(crate) struct Stopped {
 pub(crate) async fn stop(State(hub): Shared) -> Answer<Stopped> {
     let began = Instant::now();
     let stopped = tokio::task::spawn_blocking(move || hub.stop()).await;
-    let not_sent = |error: &dyn std::fmt::Display| {
-        Refused::new(Kind::Link, format!("the stop could not be sent: {error}; switch off the arm's supply"))
-    };
+    let not_sent =
+        |error: &dyn std::fmt::Display| Refused::new(Kind::Link, format!("the stop could not be sent: {error}"));
     let confirmation = stopped.map_err(|error| not_sent(&error))?.map_err(|error| not_sent(&error))?;
     Ok(Json(Stopped { confirmed: confirmation == Confirmation::Confirmed, took_s: began.elapsed().as_secs_f64() }))
 }

@@ -21,6 +21,8 @@ pub struct Seen<'a> {
     pub table: Option<&'a str>,
     /// The first event that is certain to be of that table: the board may have had another one before.
     pub table_from: u32,
+    /// Nothing runs at the first look: the end of what ran before is in the events, or was not seen.
+    pub is_idle: bool,
     /// Hash of the model that the table was made for.
     pub model: Option<&'a str>,
     /// Digest of its profile.
@@ -101,6 +103,9 @@ impl History {
             let transaction = writer.transaction()?;
             forget_other_boots(&transaction, seen)?;
             seen.events.iter().try_for_each(|event| seen.record(&transaction, event))?;
+            if seen.is_idle {
+                end_unseen(&transaction, seen)?;
+            }
             transaction.commit()
         };
         self.noted(write(&mut writer))
@@ -200,6 +205,16 @@ fn forget_other_boots(transaction: &Transaction<'_>, seen: &Seen<'_>) -> rusqlit
     Ok(())
 }
 
+/// What ran at the last look has ended since, and the board does not say how.
+fn end_unseen(transaction: &Transaction<'_>, seen: &Seen<'_>) -> rusqlite::Result<()> {
+    transaction.execute(
+        "UPDATE run SET outcome = 'unknown', cause = 'the server did not see its end'
+         WHERE device = ?1 AND outcome = 'running'",
+        params![seen.device],
+    )?;
+    Ok(())
+}
+
 impl Seen<'_> {
     fn record(&self, transaction: &Transaction<'_>, event: &EventView) -> rusqlite::Result<()> {
         if event.kind == "started" {
@@ -270,117 +285,4 @@ fn micros(event: &EventView) -> i64 {
 }
 
 #[cfg(test)]
-mod tests {
-    use serde_json::Value;
-
-    use super::{DiagnosisEntry, ModelEntry, Seen};
-    use crate::history::{History, Kind};
-    use crate::view::EventView;
-
-    fn event(number: u32, at_s: f64, kind: &'static str) -> EventView {
-        EventView { number, at_s, kind, text: format!("{kind} {number}") }
-    }
-
-    fn see(history: &History, boots: u32, events: &[EventView]) {
-        see_table_from(history, boots, 0, events);
-    }
-
-    fn see_table_from(history: &History, boots: u32, table_from: u32, events: &[EventView]) {
-        let seen = Seen {
-            board: "pico",
-            device: "d",
-            boots,
-            table: Some("t"),
-            table_from,
-            model: None,
-            profile: None,
-            board_now_s: 10.0,
-            now_ms: 1_000_000,
-            events,
-        };
-        history.see(&seen).unwrap();
-    }
-
-    fn runs(history: &History) -> Vec<(String, i64, i64)> {
-        let number = |entry: &Value, name: &str| entry[name].as_i64().unwrap_or(-1);
-        let run = |entry: &Value| {
-            (entry["outcome"].as_str().unwrap().to_owned(), number(entry, "rows"), number(entry, "ended_ms"))
-        };
-        history.entries(Kind::Runs, None).unwrap().iter().map(run).collect()
-    }
-
-    fn history() -> (tempfile::TempDir, History) {
-        let folder = tempfile::tempdir().unwrap();
-        let history = History::open(&folder.path().join("history.sqlite3")).unwrap();
-        (folder, history)
-    }
-
-    #[test]
-    fn a_run_is_recorded_once_however_often_its_events_are_read() {
-        let (_folder, history) = history();
-        let events = [event(3, 4.0, "started"), event(4, 4.5, "row"), event(5, 5.0, "row"), event(6, 6.0, "finished")];
-        see(&history, 1, &events[..2]);
-        assert_eq!(runs(&history), [("running".into(), 1, -1)]);
-        for _ in 0..2 {
-            see(&history, 1, &events);
-            assert_eq!(runs(&history), [("finished".into(), 2, 996_000)]);
-        }
-        assert_eq!(history.events(1).unwrap().len(), 4);
-        // A board without a memory counts from the beginning; the time differs.
-        see(&history, 1, &[event(3, 4.000_001, "started"), event(4, 4.2, "stopped")]);
-        assert_eq!(runs(&history).len(), 2);
-    }
-
-    #[test]
-    fn a_run_from_before_the_table_was_seen_is_of_no_known_table() {
-        let (_folder, history) = history();
-        let events = [event(3, 4.0, "started"), event(4, 6.0, "finished"), event(5, 7.0, "started")];
-        see_table_from(&history, 1, 5, &events);
-        let runs = history.entries(Kind::Runs, None).unwrap();
-        let tables: Vec<&Value> = runs.iter().map(|run| &run["table"]).collect();
-        assert_eq!(tables, [&Value::from("t"), &Value::Null]);
-    }
-
-    #[test]
-    fn the_end_of_a_run_that_nobody_saw_is_not_made_up() {
-        let (_folder, history) = history();
-        see(&history, 1, &[event(3, 4.0, "started"), event(4, 4.5, "row")]);
-        see(&history, 1, &[event(20, 8.0, "started")]);
-        see(&history, 2, &[event(0, 0.0, "booted")]);
-        assert!(runs(&history).iter().all(|(outcome, ..)| outcome == "unknown"), "{:?}", runs(&history));
-        // The end of an unknown run, or of none, belongs to no run.
-        see(&history, 2, &[event(1, 1.0, "stopped"), event(2, 1.0, "finished")]);
-        assert_eq!(runs(&history).len(), 2);
-    }
-
-    #[test]
-    fn an_end_is_found_without_the_beginning_of_its_run() {
-        let (_folder, history) = history();
-        see(&history, 1, &[event(3, 4.0, "started")]);
-        see(&history, 1, &[event(40, 8.0, "row"), event(41, 9.0, "fault")]);
-        assert_eq!(runs(&history), [("fault".into(), 1, 999_000)]);
-    }
-
-    #[test]
-    fn the_corrected_model_knows_its_parent() {
-        let (_folder, history) = history();
-        let model = |digest, parent| ModelEntry { digest, name: "arm.toml", number: Some(1), parent, file: "text" };
-        // Seen before as the arm of the server: the parent is added.
-        history.add_model(&model("b", None), 1).unwrap();
-        let entry = DiagnosisEntry {
-            model: model("a", None),
-            corrected: Some(model("b", Some("a"))),
-            data_name: "run.csv",
-            data_digest: "d",
-            verdict: "effect-found",
-            summary: "A stroke.",
-            report: "{}",
-        };
-        history.add_diagnosis(&entry, 2).unwrap();
-        history.add_model(&model("b", Some("b")), 3).unwrap();
-        let models = history.entries(Kind::Models, None).unwrap();
-        let parent = |digest: &str| models.iter().find(|entry| entry["digest"] == digest).map(|entry| &entry["parent"]);
-        assert_eq!((models.len(), parent("b")), (2, Some(&"a".into())));
-        assert_eq!(history.entries(Kind::Diagnoses, None).unwrap()[0]["corrected"], "b");
-    }
-}
+mod tests;

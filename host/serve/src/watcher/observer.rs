@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use darm_core::output::{ActuatorWiring, Wiring};
-use darm_core::sequencer::{Phase, ServoSeen};
+use darm_core::sequencer::ServoSeen;
 use darm_core::units::{Digest, Micros, Word};
 use darm_core::wire::message::{Hello, OutputState, Status};
 use darm_device::client::{Client, ClientError};
@@ -102,10 +102,12 @@ impl Observer {
 
     /// Records new events before any page sees them; where that fails they are kept for the next look.
     fn record(&mut self, board: &BoardView, status: &Status, board_now_s: f64, events: &[EventView]) {
-        let table_from = *self.table_from.get_or_insert_with(|| first_of_table(status, events, self.next_event));
+        let is_first = self.table_from.is_none();
+        let table_from = *self.table_from.get_or_insert_with(|| first_of_table(events, self.next_event));
         let Some(history) = self.hub.history() else { return };
+        let runs = table_from < self.next_event || matches!(board.phase.name, "approaching" | "playing");
         self.unrecorded.extend_from_slice(events);
-        if self.unrecorded.is_empty() {
+        if self.unrecorded.is_empty() && !is_first {
             return;
         }
         let model = status.model.map(|model| model.to_string());
@@ -115,6 +117,7 @@ impl Observer {
             boots: board.boots,
             table: board.table.as_deref(),
             table_from,
+            is_idle: is_first && !runs,
             model: model.as_deref(),
             profile: board.profile.as_deref(),
             board_now_s,
@@ -168,15 +171,16 @@ impl Observer {
         let arm = self.hub.wired().map(|wired| wired.arm.hash());
         let profile = hello.map(|hello| hello.profile).filter(|profile| *profile != Digest::default());
         let wiring = self.hub.wired().map(|wired| &wired.wiring);
+        let table = hello.and_then(|hello| hello.table);
         let board_now = board_now_s(client, now_s);
         BoardView {
             name: client.identity().board.to_string(),
             device: client.identity().device.to_string(),
             firmware: format!("{major}.{minor}.{patch}"),
             boots: hello.map_or(0, |hello| hello.boots),
-            table: hello.and_then(|hello| hello.table).map(|table| table.to_string()),
+            table: table.map(|table| table.to_string()),
             profile: profile.map(|profile| profile.to_string()),
-            has_other_model: arm.zip(status.model).is_some_and(|(arm, board)| arm != board),
+            has_other_model: table.is_some() && arm.zip(status.model).is_some_and(|(arm, board)| arm != board),
             rows: status.rows,
             phase: PhaseView::of(&status.phase, Micros((1e6 * board_now.max(0.0)) as u64)),
             word: status.word.to_string(),
@@ -226,10 +230,9 @@ impl Observer {
 
 /// Of what was seen at the first look, the first event of the table that the board has now: the beginning of the program that
 /// runs. A program that has ended may have been of another table.
-fn first_of_table(status: &Status, seen: &[EventView], next_event: u32) -> u32 {
-    let is_running = matches!(status.phase, Phase::Approaching { .. } | Phase::Playing { .. });
-    let started = seen.iter().rev().find(|event| event.kind == "started").filter(|_| is_running);
-    started.map_or(next_event, |event| event.number)
+fn first_of_table(seen: &[EventView], next_event: u32) -> u32 {
+    let change = seen.iter().rev().find(|event| ["started", "finished", "stopped", "fault"].contains(&event.kind));
+    change.filter(|event| event.kind == "started").map_or(next_event, |event| event.number)
 }
 
 /// The first event to fetch: some from before the connection, and all that the history does not have.

@@ -77,6 +77,8 @@ fn lose_the_board(browser: &Browser, bench: &Bench) {
     bench.plug(false);
     browser.wait("document.body.dataset.link === 'lost'");
     browser.wait("getComputedStyle(document.querySelector('#phase')).opacity < 1");
+    // That the board confirmed a stop says nothing of now.
+    browser.wait("document.querySelector('#stopped').hidden");
     bench.plug(true);
     browser.wait("document.body.dataset.link === 'live'");
 }
