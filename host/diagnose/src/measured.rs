@@ -24,6 +24,11 @@ pub enum Measured {
 }
 
 impl Measured {
+    /// Whether an instrument beside the robot measures its tool, in a posture per row.
+    pub(crate) const fn is_of_tool(self) -> bool {
+        matches!(self, Self::ToolPose | Self::ToolPosition)
+    }
+
     /// The name in files and reports.
     pub const fn as_str(self) -> &'static str {
         match self {

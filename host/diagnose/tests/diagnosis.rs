@@ -9,6 +9,7 @@ use std::time::Instant;
 use darm_arm::arm::frames::{self, DesiredFrame, Weights};
 use darm_arm::arm::{Arm, ArmScratch};
 use darm_arm::synthesis::{self, synthesize};
+use darm_core::se::Pose2;
 use darm_diagnose::diagnosis::Options;
 use darm_diagnose::diagnosis::diagnose;
 use darm_diagnose::effect::Effect;
@@ -90,6 +91,30 @@ fn sample(drawn: &(Arm, Vec<DesiredFrame>), kinds: &[Kind]) {
     }
     let clean = case(drawn, &steps, Kind::Nothing, SEED);
     assert_eq!(clean.diagnosis.verdict, Verdict::NoEffect, "{}", clean.line());
+}
+
+/// Numbers of a file that are rounded, also where an instrument has no noise beside that: no effect is missing, and one is found.
+#[test]
+fn rounding_is_noise_and_depends_on_the_word() {
+    let drawn = arm(include_str!("../../../examples/planar4.toml"));
+    let steps = plan(&drawn.0, &measurement_plan::Options::default());
+    let rounded = |kind: Kind, position_m: f64, angle_deg: f64| {
+        let truth = Truth::draw(&drawn.0, &drawn.1, SEED, Some(kind)).unwrap();
+        let mut run = truth.measure(&steps, 0.0, SEED).unwrap();
+        for sample in &mut run.samples {
+            let round = |number: f64, step: f64| (number / step).round() * step;
+            let [x, y] = [sample.pose.position.x, sample.pose.position.y].map(|m| round(m, position_m));
+            let angle_deg = round(sample.pose.log().angular.z.to_degrees(), angle_deg);
+            sample.pose = Pose2::new(x, y, angle_deg.to_radians()).into();
+        }
+        diagnose(&drawn.0, &run, &Options { seed: SEED, ..Options::default() }).unwrap().diagnosis
+    };
+    for step_m in [1e-3, 5e-4] {
+        let clean = rounded(Kind::Nothing, step_m, 0.1);
+        assert_eq!((clean.verdict, clean.effects.len()), (Verdict::NoEffect, 0), "{:?}", clean.plain);
+    }
+    let found = rounded(Kind::StrokeLoss, 1e-3, 0.1);
+    assert_eq!((found.verdict, found.effects.len()), (Verdict::EffectFound, 1), "{:?}", found.plain);
 }
 
 /// Two platforms of six legs on one another, 0.6 m each, and the frames of a few words.

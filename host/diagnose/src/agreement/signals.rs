@@ -23,7 +23,9 @@ const WORSE_THAN_NONE: f64 = -1.0;
 
 /// How the training rows of a table agree with its model; `experiment` is of the table as it is read.
 pub(crate) fn agreement(model: &Model, data: &Prepared, experiment: &Experiment) -> FirstLook {
-    let Some(training) = Training::of(experiment) else { return Agreement::AsRead.into() };
+    // The frame of an instrument that measures a tool may be anywhere: only the model with what was found is compared.
+    let training = Training::of(experiment).filter(|_| !experiment.kind.is_of_tool());
+    let Some(training) = training else { return Agreement::AsRead.into() };
     let is_near = (0..experiment.n_norm).all(|axis| training.share(experiment, axis) < NEAR);
     if is_near {
         return Agreement::AsRead.into();

@@ -1,9 +1,10 @@
-//! Rows of tool poses that are farther off than noise ever is.
+//! Rows that are farther off than noise ever is.
 
 use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
-use crate::judge::selected::SelectedPoses;
+use crate::judge::selected::{SelectedPoses, SelectedSignals};
 use crate::measurement::median;
+use crate::select::problem::RegressionProblem as _;
 use crate::select::robust_fit::size;
 
 /// Chance that any row of a run without outliers is called one.
@@ -11,6 +12,9 @@ const OUTLIER_LEVEL: f64 = 0.01;
 /// Share of the rows from which on they are no blunders of a camera: an effect that acts now and then, or a log that is wrong
 /// in part.
 const MAX_SHARE: f64 = 0.125;
+
+/// Rows of signals that are as many times farther off than usual.
+const FAR: f64 = 8.0;
 
 /// Rows that are farther off the model selected than the noise, itself known by limited degrees of freedom, would ever be: their
 /// numbers and how far, in units of the noise.
@@ -28,6 +32,14 @@ pub(crate) fn far_rows(selected: &SelectedPoses) -> Vec<(usize, f64)> {
     let limit = n_axes as f64 * f.inverse_cdf(rare) * usual.max(1.0);
     let far = squares.iter().enumerate().filter(|(_, square)| **square > limit);
     far.map(|(row, square)| (row, square.sqrt())).collect()
+}
+
+/// Training rows of signals that are far off the model selected: their numbers and how far, in units of what is usual.
+pub(crate) fn far_rows_of_signals(selected: &SelectedSignals) -> Vec<(usize, f64)> {
+    let n_axes = selected.problem.experiment.axes.len();
+    let residuals = selected.problem.under(&selected.best).training_residuals(&selected.best.fit);
+    let sigmas = residuals.chunks(n_axes).map(|row| size(row) / (n_axes as f64).sqrt());
+    sigmas.enumerate().filter(|(_, sigmas)| *sigmas > FAR).collect()
 }
 
 /// Whether this number of rows, out of all, is more than blunders.

@@ -10,6 +10,8 @@ use crate::prepare::repeatability::{MEDIAN_OF_NORMAL, MIN_DOF};
 
 /// Channels that a condition may differ in.
 const NOT_A_CONDITION: [&str; 2] = ["time", "temperature"];
+/// A repeat this many standard deviations off the others is a blunder: noise is so once in 10⁹.
+const BLUNDER: f64 = 6.0;
 /// Variance of r₁ − (r₀ + r₂)/2 of independent r, in units of theirs.
 const BETWEEN_NEIGHBOURS: f64 = 1.5;
 /// Rows follow a motion where what was measured differs from the mean of the rows before and after by less than this share of how
@@ -34,14 +36,38 @@ fn repeated(experiment: &Experiment) -> Option<Repeatability> {
         let key = conditions.iter().map(|channel| (channel[row] + 0.0).to_bits()).collect();
         alike.entry(key).or_default().push(row);
     }
-    let dof: usize = alike.values().map(|rows| rows.len() - 1).sum();
+    let (residuals, n_axes) = (&experiment.residuals, experiment.axes.len());
+    if experiment.kind.is_of_tool() {
+        leave_blunders(residuals, n_axes, alike.values_mut());
+    }
+    let dof: usize = alike.values().map(|rows| rows.len().saturating_sub(1)).sum();
     if conditions.is_empty() || dof < MIN_DOF {
         return None;
     }
-    let (residuals, n_axes) = (&experiment.residuals, experiment.axes.len());
     let of = |rows: &Vec<usize>, axis| squares_of(residuals, n_axes, rows, axis);
     let square = |axis| alike.values().map(|rows| of(rows, axis)).sum::<f64>() / dof as f64;
     Some(figure(experiment, (0..experiment.axes.len()).map(square).collect(), dof, RepeatedIn::Rows))
+}
+
+/// Leaves the rows that are farther off the median of their condition than noise ever is, as far as the median of the differences
+/// of successive ones says how large that is: blunders of an instrument, which would be taken for its noise.
+fn leave_blunders<'a>(of: &[f64], n_axes: usize, alike: impl Iterator<Item = &'a mut Vec<usize>>) {
+    let mut repeated: Vec<&mut Vec<usize>> = alike.filter(|rows| rows.len() > 1).collect();
+    let limits: Vec<f64> = (0..n_axes)
+        .map(|axis| {
+            let pairs = repeated.iter().flat_map(|rows| rows.windows(2));
+            let apart = pairs.map(|pair| (of[pair[1] * n_axes + axis] - of[pair[0] * n_axes + axis]).abs());
+            // Rounded numbers may have no difference.
+            let sigma = median(apart).map_or(0.0, |apart| apart / MEDIAN_OF_NORMAL / 2f64.sqrt());
+            if sigma > 0.0 { BLUNDER * sigma } else { f64::INFINITY }
+        })
+        .collect();
+    for rows in &mut repeated {
+        let middle = |axis: usize| median(rows.iter().map(|row| of[row * n_axes + axis])).expect("there are rows");
+        let middles: Vec<f64> = (0..n_axes).map(middle).collect();
+        let is_near = |axis: usize, row: usize| (of[row * n_axes + axis] - middles[axis]).abs() < limits[axis];
+        rows.retain(|row| (0..n_axes).all(|axis| is_near(axis, *row)));
+    }
 }
 
 /// The sum of the squares of an axis of some rows about their mean, in the unit of the axis squared.
@@ -53,6 +79,10 @@ fn squares_of(of: &[f64], n_axes: usize, rows: &[usize], axis: usize) -> f64 {
 
 /// By the median of how far each row is off the mean of its neighbours, so that jumps do not count.
 fn between_neighbours(experiment: &Experiment, after: &[f64]) -> Option<Repeatability> {
+    // Postures in which a tool is measured follow each other in any order.
+    if experiment.kind.is_of_tool() {
+        return None;
+    }
     let (rows, n_axes) = (&experiment.rows, experiment.axes.len());
     let is_inside = |k: &usize| {
         let three = &rows[k - 1..=k + 1];

@@ -2,6 +2,7 @@
 
 use crate::agreement;
 use crate::effect::Effect;
+use crate::judge::far_rows::{are_too_many, far_rows_of_signals};
 use crate::judge::gate::{self, Evidence, MAX_LEFT, UNEXPLAINED_SHARE};
 use crate::judge::held_out::HeldOut;
 use crate::judge::remaining::{self, Remaining};
@@ -55,12 +56,19 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
         remaining = memory;
     }
     let is_any = !effects.is_empty() || !doubtful.is_empty();
+    let is_wrong_in_part = is_wrong_in_part(selected);
     let evidence = Evidence {
         agrees: selected.agreement.allows(effects.len(), explained),
         named: effects.len(),
         is_ambiguous: !doubtful.is_empty(),
-        was_beyond_noise: !remaining.is_empty() || is_any && chance_of_gain(selected) < STRUCTURE_LEVEL,
-        is_left: left > UNEXPLAINED_SHARE || over_noise > MAX_LEFT || rest.is_far_from_repeats || has_shape,
+        was_beyond_noise: is_wrong_in_part
+            || !remaining.is_empty()
+            || is_any && chance_of_gain(selected) < STRUCTURE_LEVEL,
+        is_left: is_wrong_in_part
+            || left > UNEXPLAINED_SHARE
+            || over_noise > MAX_LEFT
+            || rest.is_far_from_repeats
+            || has_shape,
         is_mainly_taken: left < MAX_PARTLY_LEFT && is_halved(&problem.experiment, &after),
         held_out_falls: match pooled {
             Some(pooled) => pooled.falls(sigma, problem.experiment.n_norm),
@@ -95,6 +103,13 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
         remaining,
         next_measurement,
     }
+}
+
+/// Whether more rows of a measured tool are far off than an instrument blunders in.
+fn is_wrong_in_part(selected: &SelectedSignals) -> bool {
+    let experiment = &selected.problem.experiment;
+    experiment.kind.is_of_tool()
+        && are_too_many(far_rows_of_signals(selected).len(), selected.problem.groups.training.len())
 }
 
 /// The effects that have rivals; where none is certain and none has rivals, they help together and none of them by itself: the

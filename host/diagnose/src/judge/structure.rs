@@ -30,8 +30,13 @@ pub(crate) fn structure(selected: &SelectedPoses, residuals: &[f64], fitted: usi
     let ratio = winsorized.iter().map(|r| r * r).sum::<f64>() / dof.max(1) as f64;
     let p = noise.map(|noise| f_test(ratio, dof, noise.dof * n_axes));
     let huberized = huberized(residuals, n_axes);
-    let (depends_on, left) = dependences(selected, &huberized);
-    let beyond_noise = p.is_some_and(|p| p < selected.problem.levels.structure) || !depends_on.is_empty();
+    let is_far = p.is_some_and(|p| p < selected.problem.levels.structure);
+    let (depends_on, left) = match noise {
+        // What rounding does to a pose depends on the word.
+        Some(noise) if noise.is_rounded && !is_far => (Vec::new(), huberized.clone()),
+        _ => dependences(selected, &huberized),
+    };
+    let beyond_noise = is_far || !depends_on.is_empty();
     let square = trimmed_mean_square(residuals, n_axes);
     let (excess, over_noise) = match noise {
         Some(_) => ((square - 1.0).max(0.0), square.sqrt()),

@@ -105,7 +105,7 @@ pub struct Experiment {
     pub rows: Vec<Row>,
     /// Predicted minus measured of the model as it is: rows × axes.
     pub residuals: Vec<f64>,
-    /// What was measured: rows × axes; `None` where only differences of predictions are.
+    /// What was measured: rows × axes, of an orientation 0; `None` where only differences of predictions are.
     pub measured: Option<Vec<f64>>,
     /// What may be missing.
     pub candidates: Vec<Candidate>,

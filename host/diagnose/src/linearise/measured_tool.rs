@@ -81,6 +81,7 @@ pub(crate) fn experiment(data: &Prepared, robot: &Robot, how: &MeasuredTool) -> 
     if how.oriented {
         axes.extend(["about x", "about y", "about z"].map(|name| Axis::new(name, "rad")));
     }
+    let positions = rows.positions();
     let channels = rows.chain.channels();
     let curvature = Curvature::Relinearise(Box::new(move |values| rows.at(values)));
     Ok(Experiment {
@@ -89,7 +90,7 @@ pub(crate) fn experiment(data: &Prepared, robot: &Robot, how: &MeasuredTool) -> 
         n_norm: 3,
         rows: data.rows.clone(),
         residuals,
-        measured: None,
+        measured: Some(positions),
         candidates,
         channels,
         bodies: Vec::new(),
@@ -255,6 +256,12 @@ impl ToolRows {
     }
 
     /// The axes of a motion of the tool: x, y, z, and of a pose those about x, y, z.
+    /// The measured positions, rows × axes.
+    fn positions(&self) -> Vec<f64> {
+        let of = |pose: &Pose<f64>| Twist { linear: pose.position, angular: Vec3::zeros() };
+        self.measured.iter().flat_map(|pose| self.axes(of(pose))).collect()
+    }
+
     fn axes(&self, Twist { linear, angular }: Twist<f64>) -> impl Iterator<Item = f64> {
         [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z].into_iter().take(self.n_axes())
     }

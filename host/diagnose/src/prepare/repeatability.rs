@@ -9,6 +9,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::measurement::{Run, Sample, median};
 use crate::prepare::observations::{Observations, axes};
+use crate::prepare::resolution::Resolution;
 use darm_arm::arm::Arm;
 
 /// The median of |x| of a normal x, in units of its standard deviation.
@@ -27,6 +28,8 @@ pub struct Noise {
     pub dof: usize,
     /// Standard deviation of the pose as a distance d, m.
     pub distance_m: f64,
+    /// Whether rounding is most of it: the same pose is then off by the same each time, so that the error depends on the word.
+    pub is_rounded: bool,
 }
 
 impl Noise {
@@ -46,12 +49,14 @@ pub fn repeated(arm: &Arm, run: &Run) -> Option<Noise> {
         return None;
     }
     let groups: Vec<Vec<[f64; 6]>> = groups.iter().map(|group| twists(group)).collect();
+    let resolution = Resolution::of(&training);
     let rough = rough_variance(&groups);
     let n_repeats = groups.iter().map(Vec::len).sum::<usize>();
     let axes = axes(arm);
     let limit = ChiSquared::new(axes.len() as f64).ok()?.inverse_cdf(1.0 - FAR_OFF / n_repeats.max(1) as f64);
     let near = |deviation: &[f64; 6]| {
-        let square = |&axis: &usize| deviation[axis].powi(2) / rough[axis].max(f64::MIN_POSITIVE);
+        let square =
+            |&axis: &usize| deviation[axis].powi(2) / resolution.added_to(axis, rough[axis]).max(f64::MIN_POSITIVE);
         axes.iter().map(square).sum::<f64>() < limit
     };
     let (mut squares, mut dof) = ([0.0; 6], 0);
@@ -64,7 +69,12 @@ pub fn repeated(arm: &Arm, run: &Run) -> Option<Noise> {
         }
         dof += kept.len().saturating_sub(1);
     }
-    (dof > 0).then(|| of_variance(arm, squares.map(|sum| sum / dof as f64), dof))
+    (dof > 0).then(|| {
+        let repeated = squares.map(|sum| sum / dof as f64);
+        let variance: [f64; 6] = std::array::from_fn(|axis| resolution.added_to(axis, repeated[axis]));
+        let is_rounded = axes.iter().any(|&axis| variance[axis] > 2.0 * repeated[axis]);
+        Noise { is_rounded, ..of_variance(arm, variance, dof) }
+    })
 }
 
 /// The variance of each component by the median of the differences of successive twists of a group: these have twice the
@@ -99,7 +109,7 @@ pub fn of_variance(arm: &Arm, variance: [f64; 6], dof: usize) -> Noise {
         let scale = if axis < 3 { arm.length_scale_m } else { 1.0 };
         distance += variance[axis] * scale * scale;
     }
-    Noise { sigma, dof, distance_m: distance.sqrt() }
+    Noise { sigma, dof, distance_m: distance.sqrt(), is_rounded: false }
 }
 
 /// The noise that residuals would be of, if they were noise alone: by the median of their sizes, so that rows which are

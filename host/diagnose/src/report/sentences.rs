@@ -12,7 +12,7 @@ use crate::judge::far_rows::are_too_many;
 use crate::judge::fitted_terms::WithTerms;
 use crate::linearise::arm_candidates::{place_name, term_name};
 use crate::outcome::{
-    self, Alternative, BeforeAfter, Diagnosis, ErrorFigure, Measured, NextMeasurement, OtherReading, Regressor, Verdict,
+    self, Alternative, BeforeAfter, Diagnosis, ErrorFigure, NextMeasurement, OtherReading, Regressor, Verdict,
 };
 use crate::prepare::repeatability::MIN_DOF;
 use crate::rejection::Rejection;
@@ -213,7 +213,7 @@ fn outlier_sentence(diagnosis: &Diagnosis) -> Option<String> {
     let n = diagnosis.outliers.len();
     let lines: Vec<String> = diagnosis.outliers.iter().take(MAX_LINES).map(|row| row.line.to_string()).collect();
     let more = if n > MAX_LINES { ", …" } else { "" };
-    let why = match diagnosis.kind == Measured::ToolPose && are_too_many(n, diagnosis.rows.train) {
+    let why = match diagnosis.kind.is_of_tool() && are_too_many(n, diagnosis.rows.train) {
         true => " They are no blunders: an effect acts now and then, or the log is wrong in these rows.",
         false => "",
     };

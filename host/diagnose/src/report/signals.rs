@@ -1,5 +1,6 @@
 //! What a report shows of signals: errors, outliers and points for plots.
 
+use crate::judge::far_rows::far_rows_of_signals;
 use crate::judge::held_out::HeldOut;
 use crate::judge::selected::SelectedSignals;
 use crate::linearise::experiment::{Axis, Experiment};
@@ -9,8 +10,6 @@ use crate::report::Summary;
 use crate::select::problem::RegressionProblem as _;
 use crate::select::robust_fit::size;
 
-/// Rows this many times farther off than usual are listed.
-const FAR: f64 = 8.0;
 /// Rows that are listed or plotted at most.
 const MAX_ROWS: usize = 4000;
 
@@ -68,14 +67,13 @@ fn outliers(selected: &SelectedSignals) -> Vec<Outlier> {
     let (problem, weighted) = (&selected.problem, selected.problem.under(&selected.best));
     let (n_axes, n_norm) = (problem.experiment.axes.len(), problem.experiment.n_norm);
     let residuals = weighted.training_residuals(&selected.best.fit);
-    let sigmas = residuals.chunks(n_axes).map(|row| (size(row) / (n_axes as f64).sqrt(), row));
-    let far = sigmas.enumerate().filter(|(_, (sigmas, _))| *sigmas > FAR);
-    let outlier = |(row, (sigmas, scaled)): (usize, (f64, &[f64]))| {
-        let squares = scaled.iter().zip(&weighted.weighting.sigma).take(n_norm).map(|(r, s)| (r * s).powi(2));
+    let outlier = |(row, sigmas): (usize, f64)| {
+        let scaled = residuals[row * n_axes..].iter().zip(&weighted.weighting.sigma).take(n_norm);
+        let squares = scaled.map(|(r, s)| (r * s).powi(2));
         let line = problem.experiment.rows[problem.groups.training[row]].line;
         Outlier { line, error: Number::new(squares.sum::<f64>().sqrt(), problem.experiment.unit()), sigmas }
     };
-    far.take(MAX_ROWS).map(outlier).collect()
+    far_rows_of_signals(selected).into_iter().take(MAX_ROWS).map(outlier).collect()
 }
 
 fn points(experiment: &Experiment, after: &[f64]) -> Vec<Point> {

@@ -11,20 +11,25 @@ use crate::diagnosis::{SignalOptions, diagnose_table};
 use crate::linearise::faulty_robot_cases::{Fault, Faulty, JOINTS, cases, named, normal, panda};
 use crate::linearise::model::{Model, What};
 use crate::measurement::table::{Names, Table};
+use crate::outcome::Verdict;
 
 const POSTURES: usize = 150;
 const NOISE_M: f64 = 1e-4;
 const SEED: u64 = 3;
 const TOOL: &str = "ball_link";
 
+fn posture(robot: &Robot, random: &mut ChaCha8Rng) -> Vec<f64> {
+    let limits = robot.joints.iter().map(|joint| joint.limits.expect("the Panda has limits"));
+    limits.map(|[low, high]| random.random_range(low..high)).collect()
+}
+
 /// Postures of a robot with a fault, and its tool as an instrument measures it whose frame has the base there, and which shows
 /// 1 m as `scale`.
 fn table(robot: &Robot, fault: Fault, base: &Pose<f64>, scale: f64, noise_m: f64) -> Table {
     let (mut random, faulty) = (ChaCha8Rng::seed_from_u64(SEED), Faulty::new(robot, fault));
-    let limits: Vec<[f64; 2]> = robot.joints.iter().map(|joint| joint.limits.expect("the Panda has limits")).collect();
     let mut text = String::from("q1,q2,q3,q4,q5,q6,q7,x,y,z\n");
     for _ in 0..POSTURES {
-        let q: Vec<f64> = limits.iter().map(|[low, high]| random.random_range(*low..*high)).collect();
+        let q = posture(robot, &mut random);
         let seen = (*base * faulty.touch(&q).0) * scale + normal(&mut random) * noise_m;
         let numbers: Vec<String> = q[..JOINTS].iter().chain(seen.iter()).map(f64::to_string).collect();
         text += &format!("{}\n", numbers.join(","));
@@ -104,4 +109,31 @@ fn columns_are_derivatives_of_positions_and_orientations() {
             }
         }
     }
+}
+
+/// A tool in postures that are each measured four times, where the positions are those of the rows `late` before.
+fn measured_late(late: usize) -> Verdict {
+    let robot = panda();
+    let (mut random, faulty) = (ChaCha8Rng::seed_from_u64(SEED), Faulty::new(&robot, Fault::None));
+    let postures: Vec<Vec<f64>> = (0..POSTURES).map(|_| posture(&robot, &mut random)).collect();
+    let rows: Vec<&Vec<f64>> = postures.iter().take(POSTURES / 3).flat_map(|q| [q; 4]).collect();
+    let mut text = String::from("q1,q2,q3,q4,q5,q6,q7,x,y,z\n");
+    for row in late..rows.len() {
+        let seen = faulty.touch(rows[row - late]).0 + normal(&mut random) * NOISE_M;
+        let numbers: Vec<String> = rows[row][..JOINTS].iter().chain(seen.iter()).map(f64::to_string).collect();
+        text += &format!("{}\n", numbers.join(","));
+    }
+    let table = Table::read_text(Path::new("a.csv"), text.as_bytes(), &Names::new()).unwrap().0;
+    let how = MeasuredTool { tool: Some(TOOL.into()), oriented: false, in_base_frame: true };
+    let options = SignalOptions { seed: 1, ..SignalOptions::default() };
+    diagnose_table(&Model::from(What::Tool(robot, how)), &table, &options).unwrap().diagnosis.verdict
+}
+
+/// One row late a quarter of the rows is wrong, four rows late all are.
+#[test]
+fn positions_of_other_rows_are_no_noise() {
+    assert_eq!(
+        [0, 1, 4].map(measured_late),
+        [Verdict::NoEffect, Verdict::UnexplainedStructure, Verdict::WrongModelOrLog]
+    );
 }
