@@ -124,7 +124,8 @@ impl Calibrate {
             result.model = Some(folder.keep_arm("model.toml", &corrected)?);
             let (better, table) = words(&corrected, &frames, &board)?;
             result.frames = reports([&wired.arm, &corrected], &frames, &better)?;
-            if self.upload {
+            // The same words measured again would differ by noise, and be called better.
+            if self.upload && !result.has_nearest_words() {
                 let words: Vec<&DesiredFrame> = frames.iter().chain(better.iter().map(|(frame, _)| frame)).collect();
                 result.add_measured(&measured(&words, &mut board)?);
                 result.uploaded = Some(board.upload(&table)?);

@@ -98,17 +98,8 @@ impl History {
     ///
     /// The database cannot be written; the same events may be given again.
     pub fn see(&self, seen: &Seen<'_>) -> Result<(), HistoryError> {
-        let mut writer = self.writer();
-        let write = |writer: &mut Connection| {
-            let transaction = writer.transaction()?;
-            forget_other_boots(&transaction, seen)?;
-            seen.events.iter().try_for_each(|event| seen.record(&transaction, event))?;
-            if seen.is_idle {
-                end_unseen(&transaction, seen)?;
-            }
-            transaction.commit()
-        };
-        self.noted(write(&mut writer))
+        let written = insert_seen(&mut self.writer(), seen);
+        self.noted(written)
     }
 
     /// Records a table that was brought to a board, and that it was.
@@ -144,6 +135,17 @@ impl History {
         let written = insert_diagnosis(&mut self.writer(), entry, now_ms);
         self.noted(written)
     }
+}
+
+/// What happened on a board.
+fn insert_seen(writer: &mut Connection, seen: &Seen<'_>) -> rusqlite::Result<()> {
+    let transaction = writer.transaction()?;
+    forget_other_boots(&transaction, seen)?;
+    seen.events.iter().try_for_each(|event| seen.record(&transaction, event))?;
+    if seen.is_idle {
+        end_unseen(&transaction, seen)?;
+    }
+    transaction.commit()
 }
 
 /// A table, if it is new, and its upload.

@@ -116,7 +116,8 @@ impl Calibrated {
         format!("{words}{stops}. model.toml is the corrected model; diagnose the next recording with it.")
     }
 
-    fn has_nearest_words(&self) -> bool {
+    /// Whether the words of the frames are the nearest already.
+    pub(super) fn has_nearest_words(&self) -> bool {
         self.frames.iter().all(|frame| frame.word == frame.better_word)
     }
 
