@@ -10,7 +10,7 @@ use crate::judge::selected::SelectedSignals;
 use crate::judge::{Judgement, intervals, next_rows, scatter};
 use crate::linearise::experiment::{Candidate, Experiment};
 use crate::linearise::torque::is_ripple;
-use crate::outcome::{Alternative, Repeatability, RepeatedIn, Structure, Verdict};
+use crate::outcome::{Alternative, Dependence, Repeatability, RepeatedIn, Structure, Verdict};
 use crate::select::factored::judged;
 use crate::select::problem::RegressionProblem as _;
 use crate::select::significance::{RIVAL_LEVEL, STRUCTURE_LEVEL};
@@ -83,15 +83,6 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
     let unconfirmed = unconfirmed(selected, &effects);
     let next_measurement = (!doubtful.is_empty()).then(|| next_rows::proposal(problem, best, &doubtful));
     let alternatives = alternatives(selected, &rivals);
-    let remaining = Structure {
-        ratio: None,
-        p: None,
-        beyond_noise: !remaining.is_empty(),
-        excess: 0.0,
-        over_noise: 0.0,
-        depends_on: remaining,
-    };
-    let structure = None;
     Judgement {
         verdict,
         effects,
@@ -99,10 +90,15 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
         unobservable,
         unconfirmed,
         repeatability,
-        structure,
-        remaining,
+        structure: None,
+        remaining: structure(remaining),
         next_measurement,
     }
+}
+
+/// What remains, without the numbers that only poses have.
+fn structure(depends_on: Vec<Dependence>) -> Structure {
+    Structure { ratio: None, p: None, beyond_noise: !depends_on.is_empty(), excess: 0.0, over_noise: 0.0, depends_on }
 }
 
 /// Whether more rows of a measured tool are far off than an instrument blunders in.

@@ -138,7 +138,7 @@ fn wrench(table: &Table) -> Possible {
 
 fn tool(is_pose: bool) -> Possible {
     let observed = if is_pose { "observed = \"tool-pose\"" } else { "observed = \"tool-position\"" };
-    Possible::new(Measured::ToolPosition, "a TOML file that names the robot's", "MODEL.toml")
+    Possible::new(Measured::ToolPosition, "a TOML file that names the robot", "MODEL.toml")
         .with_lines(&["kind = \"robot\"", "urdf = \"ROBOT.urdf\"", observed])
         .better_with(!is_pose, "the orientation of the tool (qx, qy, qz, qw)")
 }
@@ -149,7 +149,7 @@ fn points(table: &Table) -> Option<Possible> {
     let names = table.columns.iter().filter(is_text).map(|column| format!("{:?}", column.name));
     let names: Vec<String> = names.collect();
     let point = format!("point = [{}]", names.join(", "));
-    let possible = Possible::new(Measured::PointContact, "a TOML file that names the robot's", "MODEL.toml");
+    let possible = Possible::new(Measured::PointContact, "a TOML file that names the robot", "MODEL.toml");
     let lines = ["kind = \"robot\"", "urdf = \"ROBOT.urdf\"", "observed = \"point-contact\"", &point];
     (!names.is_empty()).then(|| possible.with_lines(&lines))
 }

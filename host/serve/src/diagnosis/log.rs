@@ -244,8 +244,12 @@ impl Reader {
         let entries = columns.iter().filter(|column| !column.quantity.is_empty()).map(entry);
         let mapping = Mapping { entries: entries.collect::<Result<_, _>>()?, units: Vec::new() };
         let converted = table::Table::new(std::slice::from_ref(&**recording), &mapping)?;
-        let path = data.with_extension("converted.csv");
-        std::fs::write(&path, converted.text()).map_err(|error| LogFault::Write { path: path.clone(), error })?;
+        // Errors name the file that the person has sent.
+        let folder = data.with_file_name("converted");
+        let path = folder.join(data.file_name().unwrap_or_default()).with_extension("csv");
+        std::fs::create_dir_all(&folder)
+            .and_then(|()| std::fs::write(&path, converted.text()))
+            .map_err(|error| LogFault::Write { path: path.clone(), error })?;
         Ok(Readable { data: path, names: Names::new(), notes: converted.notes })
     }
 
