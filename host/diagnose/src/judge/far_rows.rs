@@ -2,9 +2,8 @@
 
 use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
-use crate::judge::selected::{SelectedPoses, SelectedSignals};
+use crate::judge::selected::SelectedPoses;
 use crate::measurement::median;
-use crate::select::problem::RegressionProblem as _;
 use crate::select::robust_fit::size;
 
 /// Chance that any row of a run without outliers is called one.
@@ -34,10 +33,8 @@ pub(crate) fn far_rows(selected: &SelectedPoses) -> Vec<(usize, f64)> {
     far.map(|(row, square)| (row, square.sqrt())).collect()
 }
 
-/// Training rows of signals that are far off the model selected: their numbers and how far, in units of what is usual.
-pub(crate) fn far_rows_of_signals(selected: &SelectedSignals) -> Vec<(usize, f64)> {
-    let n_axes = selected.problem.experiment.axes.len();
-    let residuals = selected.problem.under(&selected.best).training_residuals(&selected.best.fit);
+/// Rows of signals, as their weighted residuals say, that are far off: their numbers and how far, in units of what is usual.
+pub(crate) fn far_rows_of_signals(residuals: &[f64], n_axes: usize) -> Vec<(usize, f64)> {
     let sigmas = residuals.chunks(n_axes).map(|row| size(row) / (n_axes as f64).sqrt());
     sigmas.enumerate().filter(|(_, sigmas)| *sigmas > FAR).collect()
 }

@@ -103,9 +103,9 @@ fn structure(depends_on: Vec<Dependence>) -> Structure {
 
 /// Whether more rows of a measured tool are far off than an instrument blunders in.
 fn is_wrong_in_part(selected: &SelectedSignals) -> bool {
-    let experiment = &selected.problem.experiment;
-    experiment.kind.is_of_tool()
-        && are_too_many(far_rows_of_signals(selected).len(), selected.problem.groups.training.len())
+    let (problem, best) = (&selected.problem, &selected.best);
+    let far = || far_rows_of_signals(&problem.under(best).training_residuals(&best.fit), problem.experiment.axes.len());
+    problem.experiment.kind.is_of_tool() && are_too_many(far().len(), problem.groups.training.len())
 }
 
 /// The effects that have rivals; where none is certain and none has rivals, they help together and none of them by itself: the

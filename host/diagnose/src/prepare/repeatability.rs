@@ -50,13 +50,13 @@ pub fn repeated(arm: &Arm, run: &Run) -> Option<Noise> {
     }
     let groups: Vec<Vec<[f64; 6]>> = groups.iter().map(|group| twists(group)).collect();
     let resolution = Resolution::of(&training);
-    let rough = rough_variance(&groups);
+    let with_rounding = |variance: [f64; 6]| std::array::from_fn(|axis| resolution.added_to(axis, variance[axis]));
+    let rough: [f64; 6] = with_rounding(rough_variance(&groups));
     let n_repeats = groups.iter().map(Vec::len).sum::<usize>();
     let axes = axes(arm);
     let limit = ChiSquared::new(axes.len() as f64).ok()?.inverse_cdf(1.0 - FAR_OFF / n_repeats.max(1) as f64);
     let near = |deviation: &[f64; 6]| {
-        let square =
-            |&axis: &usize| deviation[axis].powi(2) / resolution.added_to(axis, rough[axis]).max(f64::MIN_POSITIVE);
+        let square = |&axis: &usize| deviation[axis].powi(2) / rough[axis].max(f64::MIN_POSITIVE);
         axes.iter().map(square).sum::<f64>() < limit
     };
     let (mut squares, mut dof) = ([0.0; 6], 0);
@@ -71,7 +71,7 @@ pub fn repeated(arm: &Arm, run: &Run) -> Option<Noise> {
     }
     (dof > 0).then(|| {
         let repeated = squares.map(|sum| sum / dof as f64);
-        let variance: [f64; 6] = std::array::from_fn(|axis| resolution.added_to(axis, repeated[axis]));
+        let variance = with_rounding(repeated);
         let is_rounded = axes.iter().any(|&axis| variance[axis] > 2.0 * repeated[axis]);
         Noise { is_rounded, ..of_variance(arm, variance, dof) }
     })

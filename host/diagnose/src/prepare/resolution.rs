@@ -35,15 +35,10 @@ impl Resolution {
         Self { angle, length }
     }
 
-    /// Of a component of a twist, angles first.
-    fn of_axis(&self, axis: usize) -> f64 {
-        if axis < 3 { self.angle } else { self.length }
-    }
-
-    /// The variance of an axis with that of rounding, where repeats of this variance are too near each other to show it: the same
-    /// pose is rounded the same way each time.
+    /// The variance of a component of a twist, angles first, with that of rounding, where repeats of this variance are too near
+    /// each other to show it: the same pose is rounded the same way each time.
     pub(crate) fn added_to(&self, axis: usize, variance: f64) -> f64 {
-        let rounding = self.of_axis(axis);
+        let rounding = if axis < 3 { self.angle } else { self.length };
         if variance < 4.0 * rounding { variance + rounding } else { variance }
     }
 }

@@ -73,7 +73,7 @@ fn outliers(selected: &SelectedSignals) -> Vec<Outlier> {
         let line = problem.experiment.rows[problem.groups.training[row]].line;
         Outlier { line, error: Number::new(squares.sum::<f64>().sqrt(), problem.experiment.unit()), sigmas }
     };
-    far_rows_of_signals(selected).into_iter().take(MAX_ROWS).map(outlier).collect()
+    far_rows_of_signals(&residuals, n_axes).into_iter().take(MAX_ROWS).map(outlier).collect()
 }
 
 fn points(experiment: &Experiment, after: &[f64]) -> Vec<Point> {
