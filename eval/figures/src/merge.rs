@@ -65,8 +65,9 @@ impl Merged {
     ///
     /// # Errors
     ///
-    /// Items are missing, or do not belong to the job.
+    /// The run is of another command; items are missing, or do not belong to the job.
     pub fn outcomes<J: Job>(self) -> Result<(J, Vec<J::Outcome>)> {
+        ensure!(self.run.command == J::COMMAND, "{} and {} are two commands", J::COMMAND, self.run.command);
         let job: J = serde_json::from_value(self.run.options)
             .with_context(|| format!("the options are not those of {}", J::COMMAND))?;
         let items = job.items()?;
