@@ -6,8 +6,8 @@ use super::{Method, Options, Status, Synthesis, SynthesisError, stops_as_they_ar
 use crate::arm::Arm;
 use crate::arm::frames::DesiredFrame;
 
-/// As [`synthesize`], but with [`Method::Newton`] a person turns the stops of few actuators where that suffices: of one on which an effect of the
-/// model acts, else of all of those, else of every actuator.
+/// As [`synthesize`], but with [`Method::Newton`] a person turns the stops of few actuators where that suffices: of one on which
+/// an effect of the model acts, else of all of those, else of every actuator.
 ///
 /// # Errors
 ///

@@ -246,7 +246,7 @@ impl Reader {
         let converted = table::Table::new(std::slice::from_ref(&**recording), &mapping)?;
         // Errors name the file that the person has sent.
         let folder = data.with_file_name("converted");
-        let path = folder.join(data.file_name().unwrap_or_default()).with_extension("csv");
+        let path = folder.join(data.file_name().expect("a sent file has a name")).with_extension("csv");
         std::fs::create_dir_all(&folder)
             .and_then(|()| std::fs::write(&path, converted.text()))
             .map_err(|error| LogFault::Write { path: path.clone(), error })?;
