@@ -14,7 +14,7 @@ use crate::outcome::OtherReading;
 
 /// Share of the variance of what was measured that a model explains which belongs to its log.
 const MIN_EXPLAINED: f64 = 0.5;
-/// Effects that may be named beside a model which explains less: more of them build another model.
+/// Effects that may be added to a model which explains less, named or not: more of them build another model.
 const FEW: usize = 3;
 
 /// Share of the rows, the farthest off, that do not count.
@@ -25,7 +25,7 @@ const TRIMMED: f64 = 0.1;
 pub(crate) enum Agreement {
     /// As they are, or nearly.
     AsRead,
-    /// Hardly: the model explains less than one that belongs to its log; no more effects than this may be named.
+    /// Hardly: the model explains less than one that belongs to its log; no more effects than this may be in the model that is found.
     Hardly(usize),
     /// Read in another way, with this error.
     Otherwise(OtherReading),
@@ -40,7 +40,7 @@ impl Agreement {
         }
     }
 
-    /// Whether a model with `n_effects`, which explains this share of the variance of rows that no fit has seen, belongs
+    /// Whether a model with `n_effects` added, which explains this share of the variance of rows that no fit has seen, belongs
     /// to the log.
     pub(crate) fn allows(&self, n_effects: usize, explained: f64) -> bool {
         match self {

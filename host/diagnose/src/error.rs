@@ -10,8 +10,10 @@ use crate::measurement::{Finding, ReadError};
 use crate::prepare::groups::FOLDS;
 use crate::prepare::signals::PrepareError;
 
-/// Training words without which nothing can be said.
+/// Training words without which nothing can be said: two in each part that is left out in turn.
 pub const MIN_WORDS: usize = 2 * FOLDS;
+/// The same of rows of signals.
+pub const MIN_ROWS: usize = 2 * FOLDS;
 /// Pieces of training rows without which nothing can be said.
 pub const MIN_PIECES: usize = 16;
 
@@ -61,9 +63,9 @@ pub enum DiagnoseError {
     },
     /// Too few rows.
     #[error(
-        "{rows} rows in {pieces} pieces are not enough to distinguish an effect from chance: measure at least {MIN_PIECES} pieces that are not held out"
+        "{rows} rows in {pieces} pieces are not enough to distinguish an effect from chance: measure at least {MIN_ROWS} rows in {MIN_PIECES} pieces that are not held out"
     )]
-    TooFewPieces {
+    TooFewRows {
         /// Rows that a fit may see.
         rows: usize,
         /// Pieces that they make.

@@ -5,7 +5,7 @@ use crate::agreement::signals::FirstLook;
 use crate::agreement::{self, Agreement};
 use crate::diagnosis::SignalOptions;
 use crate::effect::Law;
-use crate::error::{DiagnoseError, MIN_PIECES};
+use crate::error::{DiagnoseError, MIN_PIECES, MIN_ROWS};
 use crate::judge::selected::SelectedSignals;
 use crate::linearise::experiment::{Candidate, Columns, Experiment};
 use crate::linearise::model::Model;
@@ -42,8 +42,8 @@ pub(super) fn select(
     let data = Prepared::new(table.clone(), &options.preparation, each)?;
     let (experiment, rejected) = experiment_near(model, &data, options, None)?;
     let groups = Groups::new(&experiment.rows);
-    if groups.n_blocks < MIN_PIECES {
-        return Err(DiagnoseError::TooFewPieces { rows: groups.training.len(), pieces: groups.n_blocks });
+    if groups.training.len() < MIN_ROWS || groups.n_blocks < MIN_PIECES {
+        return Err(DiagnoseError::TooFewRows { rows: groups.training.len(), pieces: groups.n_blocks });
     }
     // Of rows that are held out in turn only the first search asks, which has them all.
     let FirstLook { mut agreement, contest } = match each {

@@ -73,4 +73,9 @@ impl SelectedSignals {
     pub(crate) fn candidate(&self, order: usize) -> &Candidate {
         &self.problem.experiment.candidates[self.best.fit.active[order]]
     }
+
+    /// How many effects were added to the model.
+    pub(crate) fn n_found(&self) -> usize {
+        self.best.fit.active.len() - self.n_known
+    }
 }

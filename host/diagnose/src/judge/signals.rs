@@ -58,7 +58,7 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
     let is_any = !effects.is_empty() || !doubtful.is_empty();
     let is_wrong_in_part = is_wrong_in_part(selected);
     let evidence = Evidence {
-        agrees: selected.agreement.allows(effects.len(), explained),
+        agrees: selected.agreement.allows(selected.n_found(), explained),
         named: effects.len(),
         is_ambiguous: !doubtful.is_empty(),
         was_beyond_noise: is_wrong_in_part
@@ -111,7 +111,7 @@ fn is_wrong_in_part(selected: &SelectedSignals) -> bool {
 /// The effects that have rivals; where none is certain and none has rivals, they help together and none of them by itself: the
 /// likeliest.
 fn doubtful(selected: &SelectedSignals, is_none_certain: bool, rivals: &[Rival]) -> Vec<usize> {
-    let is_undecided = is_none_certain && rivals.is_empty() && selected.best.fit.active.len() > selected.n_known;
+    let is_undecided = is_none_certain && rivals.is_empty() && selected.n_found() > 0;
     match is_undecided {
         true => intervals::likeliest(selected, MAX_COMPARED),
         false => of_rivals(selected, rivals),
@@ -194,8 +194,7 @@ fn is_of(found: &Effect, candidate: &Candidate) -> bool {
 /// explains the lesser part of an effect as well leaves the effect where it is.
 fn rivals_of_effects(selected: &SelectedSignals, effects: &[Effect]) -> Vec<Rival> {
     let SelectedSignals { problem, best, n_known, .. } = selected;
-    let n_found = best.fit.active.len() - n_known;
-    if n_found == 0 || n_found > MAX_COMPARED {
+    if selected.n_found() == 0 || selected.n_found() > MAX_COMPARED {
         return Vec::new();
     }
     let candidates = &problem.experiment.candidates;
