@@ -11,7 +11,7 @@ Examples:
   printf 'id\\nstatus\\n' | darm console                         # a script
 
 The commands are the board's own and work from any terminal program at 115200 baud; `help` lists them, `help COMMAND` explains one \
-with the values that are allowed now. The prompt shows what the board does; Tab completes commands and values, arrow keys recall \
+with the values that are allowed now. The line above the prompt shows what the board does; Tab completes commands and values, arrow keys recall \
 earlier lines. `quit` or Ctrl-D leaves the console; the board continues. `stop` and Ctrl-C switch all coils off at once; Ctrl-C \
 during a command also ends the console.
 

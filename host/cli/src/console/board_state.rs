@@ -27,6 +27,11 @@ impl Shared {
     pub(crate) fn get(&self) -> Option<BoardState> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
+
+    /// The prompt: behind a line with the state where the board has one.
+    pub(crate) fn prompt(&self) -> String {
+        self.get().map_or_else(|| "> ".to_owned(), |board| format!("[{}]\n> ", board.line()))
+    }
 }
 
 impl BoardState {
@@ -41,14 +46,13 @@ impl BoardState {
         }
     }
 
-    /// The status line.
-    pub(crate) fn prompt(&self) -> String {
+    /// The status line: what it does, and where it stands still its word.
+    pub(crate) fn line(&self) -> String {
         let word = self.status.word;
-        let word = if word.is_empty() { "no table".to_owned() } else { format!("word {word}") };
         match self.status.phase {
-            Phase::Playing { next, .. } => format!("playing, row {next} of {}, {word}> ", self.status.rows),
-            Phase::Safe(_) => format!("SAFE STATE, {word}> "),
-            _ => format!("{}, {word}> ", self.phase()),
+            Phase::Approaching { .. } | Phase::Playing { .. } => self.phase(),
+            _ if word.is_empty() => format!("{}, no table", self.phase()),
+            _ => format!("{}, word {word}", self.phase()),
         }
     }
 
@@ -137,7 +141,7 @@ pub(super) mod tests {
     use darm_core::sequencer::{Phase, ServoSeen};
     use darm_core::wire::message::{OutputState, Status};
 
-    use super::{BoardState, numbers};
+    use super::{BoardState, Shared, numbers};
 
     pub(crate) fn idle() -> BoardState {
         let limit = CoilLimit { max_on_ms: 500, duty_percent: 50, window_ms: 1000 };
@@ -181,10 +185,14 @@ pub(super) mod tests {
 
     #[test]
     fn the_prompt_says_what_the_board_does() {
+        let shared = Shared::default();
+        assert_eq!(shared.prompt(), "> ");
         let mut board = idle();
-        assert_eq!(board.prompt(), "idle, word 0110> ");
+        shared.set(Some(board.clone()));
+        assert_eq!(shared.prompt(), "[idle, word 0110]\n> ");
         board.status.phase = Phase::Playing { started: darm_core::units::Micros(0), next: 2 };
-        assert_eq!(board.prompt(), "playing, row 2 of 3, word 0110> ");
+        shared.set(Some(board));
+        assert_eq!(shared.prompt(), "[playing 3 rows]\n> ");
     }
 
     #[test]

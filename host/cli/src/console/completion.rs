@@ -1,4 +1,6 @@
-//! Completion and hints of the console, and the lines that the console itself runs.
+//! Completion, hints and the status line of the console, and the lines that the console itself runs.
+
+use std::borrow::Cow;
 
 use rustyline::completion::{Completer, FilenameCompleter, Pair};
 use rustyline::error::ReadlineError;
@@ -101,7 +103,14 @@ impl Hinter for CommandHelper {
 }
 
 impl Highlighter for CommandHelper {
-    fn highlight_hint<'h>(&self, hint: &'h str) -> std::borrow::Cow<'h, str> {
+    /// The state of now in place of that from before the line was begun. The editor counts on the place where a prompt ends: a
+    /// line before it stays a line.
+    fn highlight_prompt<'b, 's: 'b, 'p: 'b>(&'s self, prompt: &'p str, _: bool) -> Cow<'b, str> {
+        let now = self.board.prompt();
+        if now.lines().count() == prompt.lines().count() { now.into() } else { prompt.into() }
+    }
+
+    fn highlight_hint<'h>(&self, hint: &'h str) -> Cow<'h, str> {
         format!("\x1b[2m{hint}\x1b[0m").into()
     }
 }
@@ -110,8 +119,11 @@ impl Helper for CommandHelper {}
 
 #[cfg(test)]
 mod tests {
+    use darm_core::sequencer::Phase;
+    use darm_core::units::Micros;
     use rustyline::Context;
     use rustyline::completion::Completer as _;
+    use rustyline::highlight::Highlighter as _;
     use rustyline::hint::Hinter as _;
     use rustyline::history::DefaultHistory;
 
@@ -151,6 +163,20 @@ mod tests {
         assert_eq!(hint("coil").as_deref(), Some(" N on MS | N off"));
         assert_eq!(hint("servo ").as_deref(), Some("N DEG"));
         assert_eq!(hint("status"), None);
+    }
+
+    #[test]
+    fn the_prompt_shows_the_state_of_now() {
+        let board = Shared::default();
+        board.set(Some(idle()));
+        let helper = CommandHelper::new(board.clone());
+        let at_first = board.prompt();
+        let mut playing = idle();
+        playing.status.phase = Phase::Playing { started: Micros(0), next: 0 };
+        board.set(Some(playing));
+        assert_eq!(helper.highlight_prompt(&at_first, true), "[playing 3 rows]\n> ");
+        board.set(None);
+        assert_eq!(helper.highlight_prompt(&at_first, true), at_first);
     }
 
     #[test]

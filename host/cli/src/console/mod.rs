@@ -85,7 +85,7 @@ fn interactive(port: &str, ui: Ui) -> anyhow::Result<()> {
     session.pump.ask("id");
     loop {
         session.pump.look();
-        match editor.readline(&board.get().map_or("> ".to_owned(), |board| board.prompt())) {
+        match editor.readline(&board.prompt()) {
             Ok(lines) if session.execute(&lines)? == Next::On => {}
             Ok(_) | Err(ReadlineError::Eof) => break,
             Err(ReadlineError::Interrupted) => println!("{}; `quit` or Ctrl-D leaves", session.stop()),

@@ -185,6 +185,7 @@ impl Conversation {
     fn look(&mut self) -> Result<(), LinkError> {
         let state = self.ask();
         self.looked = Instant::now();
+        self.board.set(state.as_ref().ok().cloned());
         let phase = state.as_ref().ok().map(BoardState::phase);
         if let (Some(before), Some(now)) = (&self.phase, &phase)
             && before != now
@@ -192,14 +193,7 @@ impl Conversation {
             self.screen.show(&format!("[{now}]"));
         }
         self.phase = phase.or(self.phase.take());
-        match state {
-            Ok(state) => self.board.set(Some(state)),
-            Err(error) => {
-                self.board.set(None);
-                only_link(Err(error))?;
-            }
-        }
-        Ok(())
+        only_link(state.map(drop))
     }
 
     fn ask(&mut self) -> Result<BoardState, ClientError> {
