@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use darm_core::effect::base_step::BaseStep;
+use darm_core::effect::fitted_term::Frame;
 use darm_core::effect::gravity_sag::GravitySag;
 use darm_core::effect::law_name::LawName;
 use darm_core::effect::stroke_loss::StrokeLoss;
@@ -192,6 +193,7 @@ fn what_no_law_explains_is_kept_as_fitted_terms() {
         assert_eq!(diagnosis.verdict, Verdict::UnexplainedStructure, "{:?}", diagnosis.plain);
         assert_eq!(correction.corrected(&arm(), &run, Keep::Effects), None);
         let term = &diagnosis.remaining.depends_on[0];
+        assert_eq!((term.axis.as_deref(), term.frame), (Some("x"), Some(Frame::Base)));
         assert!(term.held_out_gain.as_ref().unwrap().value > 0.3e-3, "{:?} {:?}", diagnosis.plain, diagnosis.remaining);
         let kept = correction.corrected(&arm(), &run, Keep::EffectsAndTerms).unwrap();
         assert!(kept.model.effects.iter().any(|effect| effect.law().name() == LawName::FittedTerm));

@@ -12,12 +12,14 @@ use crate::judge::pose_dictionary::dictionary;
 use crate::judge::regression::{Design, Term, of_axis, squares};
 use crate::judge::selected::SelectedPoses;
 use crate::measurement::median;
-use crate::outcome::{Dependence, Structure};
+use crate::outcome::{AxisFigure, Dependence, Structure};
 use crate::select::robust_fit::{size, weights};
 use crate::select::significance::f_test;
 
 /// Terms that are listed at most.
 const MAX_TERMS: usize = 4;
+/// Share of what a term takes from here on which it is of one axis.
+const MAIN_SHARE: f64 = 0.75;
 /// Share of the rows, the farthest off, that do not count in how much there is beyond the noise.
 const TRIMMED: f64 = 0.1;
 
@@ -105,10 +107,12 @@ fn dependences(selected: &SelectedPoses, residuals: &[f64]) -> (Vec<Dependence>,
         if p >= level || taken.criterion >= 0.0 {
             break;
         }
+        let before = if frame == Frame::Base { &turned } else { &left };
+        let axis = main_axis(before, &taken.left, n_axes).map(|k| AxisFigure::of_twist(observations.axes[k], 0.0).axis);
         left = if frame == Frame::Base { observations.in_tool(&taken.left) } else { taken.left };
         let Term { regressor, shape, kept, .. } = design.term;
         found.push(Dependence {
-            axis: None,
+            axis,
             regressor: regressor.clone(),
             variable: regressor.name_in(arm),
             shape: *shape,
@@ -121,4 +125,13 @@ fn dependences(selected: &SelectedPoses, residuals: &[f64]) -> (Vec<Dependence>,
         });
     }
     (found, left)
+}
+
+/// The axis that a term takes nearly all of its squares from.
+fn main_axis(before: &[f64], left: &[f64], n_axes: usize) -> Option<usize> {
+    let rows: Vec<usize> = (0..before.len() / n_axes).collect();
+    let square = |all: &[f64], axis| squares(&of_axis(all, n_axes, axis), &rows);
+    let taken: Vec<f64> = (0..n_axes).map(|axis| square(before, axis) - square(left, axis)).collect();
+    let total: f64 = taken.iter().sum();
+    taken.iter().position(|&of_axis| of_axis > MAIN_SHARE * total)
 }

@@ -30,7 +30,7 @@ pub struct Structure {
 /// A variable that the residual depends on.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Dependence {
-    /// The axis of the residual; `None`: all axes together.
+    /// The axis of the residual, of a tool pose that in which nearly all of it is; `None`: several axes together.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub axis: Option<String>,
     /// What it depends on.

@@ -178,12 +178,12 @@ fn dependences(side: &str, structure: &Structure) -> Markup {
     let has_gain = structure.depends_on.iter().any(|one| one.held_out_gain.is_some());
     html! {
         table {
-            thead { tr { th { (side) } th { "direction" } th.num { "share" } th.num { "chance" } @if has_gain { th.num { "gain as a fitted term" } } } }
+            thead { tr { th { (side) } th { "axis" } th.num { "share" } th.num { "chance" } @if has_gain { th.num { "gain as a fitted term" } } } }
             tbody {
                 @for one in structure.depends_on.iter().take(8) {
                     tr {
                         td { (one) }
-                        td { @if let Some(frame) = one.frame { "of the " (frame_name_of(frame)) } @else if let Some(axis) = &one.axis { (axis) } }
+                        td { (one.axis.as_deref().unwrap_or("several axes")) @if let Some(frame) = one.frame { " of the " (frame_name_of(frame)) } }
                         td.num { (format!("{:.0} %", 100.0 * one.share)) }
                         td.num { (one.p.map_or("–".into(), chance)) }
                         @if has_gain { td.num { (one.held_out_gain.as_ref().map_or("–".into(), |gain| with_unit(gain.value, gain.unit))) } }
