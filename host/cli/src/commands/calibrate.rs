@@ -150,7 +150,7 @@ impl Calibrate {
     fn check_source(&self) -> Result<(), Usage> {
         let poses = &self.poses;
         let is_address = poses == "sim" || ["tcp:", "unix:"].iter().any(|kind| poses.starts_with(kind));
-        if is_address || Path::new(poses).exists() || self.folder.exists() {
+        if is_address || Path::new(poses).exists() || Folder::is_begun(&self.folder) {
             return Ok(());
         }
         Err(Usage(format!(

@@ -5,13 +5,13 @@
 
 use darm_arm::arm::{Arm, ArmScratch};
 use darm_core::real::Vec3;
-use darm_core::se::{Pose, rotation_log};
+use darm_core::se::{Pose, rotation_exp, rotation_log};
 use darm_core::units::Word;
 use nalgebra::Matrix3;
 
 use super::{Agreement, FEW, MIN_EXPLAINED, trimmed_root_mean_square};
 use crate::measurement::rigid_motion::nearest_rotation;
-use crate::measurement::{Run, median};
+use crate::measurement::{Run, median, root_mean_square};
 use crate::misreading::Misreading;
 use crate::outcome::{Number, OtherReading};
 use crate::prepare::thinning::one_of_each_part;
@@ -24,6 +24,12 @@ const MUCH_LESS: f64 = 0.25;
 const OTHER_SIZE: f64 = 0.25;
 /// Rows that readings are compared on.
 const ROWS: usize = 64;
+/// How many times too large lengths in a column of another unit are: of m, cm, mm and inches.
+const LENGTH_UNITS: [f64; 10] = [1e3, 1e-3, 1e2, 1e-2, 10.0, 0.1, 25.4, 1.0 / 25.4, 39.37, 1.0 / 39.37];
+/// Share of the spread of the other axes that one in another unit has at least: a smaller one would hide its error.
+const MIN_SPREAD: f64 = 0.1;
+/// Names of the axes of a position.
+const AXES: [char; 3] = ['x', 'y', 'z'];
 /// Actuators up to which all orders near the present one are tried.
 const MAX_ORDERED: usize = 24;
 
@@ -32,6 +38,29 @@ const MAX_ORDERED: usize = 24;
 struct ReadRows {
     words: Vec<Word>,
     poses: Vec<Pose<f64>>,
+}
+
+impl ReadRows {
+    /// With other poses.
+    fn with(&self, change: impl Fn(&Pose<f64>) -> Pose<f64>) -> Self {
+        Self { words: self.words.clone(), poses: self.poses.iter().map(change).collect() }
+    }
+
+    /// With other positions.
+    fn moved(&self, change: impl Fn(&mut Vec3<f64>)) -> Self {
+        self.with(|pose| {
+            let mut pose = *pose;
+            change(&mut pose.position);
+            pose
+        })
+    }
+
+    /// Root mean square of a component of the positions about its mean, m.
+    fn spread_m(&self, axis: usize) -> f64 {
+        let along: Vec<f64> = self.poses.iter().map(|pose| pose.position[axis]).collect();
+        let mean = along.iter().sum::<f64>() / along.len().max(1) as f64;
+        root_mean_square(&along.iter().map(|x| x - mean).collect::<Vec<f64>>())
+    }
 }
 
 /// The arm, and what was commanded besides words.
@@ -117,34 +146,43 @@ impl Comparison<'_> {
 
     /// Readings of the poses, the words as they are.
     fn of_poses(&self, as_read: &ReadRows) -> Vec<(Misreading, ReadRows)> {
-        let with = |change: &dyn Fn(&Pose<f64>) -> Pose<f64>| ReadRows {
-            words: as_read.words.clone(),
-            poses: as_read.poses.iter().map(change).collect(),
-        };
-        let moved = |change: &dyn Fn(Vec3<f64>) -> Vec3<f64>| {
-            with(&|pose| Pose { rotation: pose.rotation, position: change(pose.position) })
-        };
-        let planar = self.arm.model.chain.is_planar();
-        let (axes, names) = (if planar { 2 } else { 3 }, ['x', 'y', 'z']);
-        let mirrored = (0..axes).map(|k| {
-            let mirror = moved(&|mut p| {
-                p[k] = -p[k];
-                p
-            });
-            (Misreading::MirroredAxis { axis: names[k] }, mirror)
-        });
-        let pairs = [(0, 1), (1, 2), (0, 2)].into_iter().filter(|pair| pair.1 < axes);
+        let mirrored =
+            self.axes().map(|(k, axis)| (Misreading::MirroredAxis { axis }, as_read.moved(|p| p[k] = -p[k])));
+        let n_axes = self.axes().count();
+        let pairs = [(0, 1), (1, 2), (0, 2)].into_iter().filter(|pair| pair.1 < n_axes);
         let exchanged = pairs.map(|(a, b)| {
-            let swap = moved(&|mut p| {
-                p.swap_rows(a, b);
-                p
-            });
-            (Misreading::ExchangedAxes { axes: [names[a], names[b]] }, swap)
+            let axes = [AXES[a], AXES[b]];
+            (Misreading::ExchangedAxes { axes }, as_read.moved(|p| p.swap_rows(a, b)))
         });
-        let turned = with(&|pose| Pose { rotation: pose.rotation.transpose(), position: pose.position });
-        let inverted = with(&Pose::inverse);
+        let turned = as_read.with(|pose| Pose { rotation: pose.rotation.transpose(), position: pose.position });
+        let inverted = as_read.with(Pose::inverse);
         let both = [(Misreading::InvertedAngles, turned), (Misreading::InvertedPoses, inverted)];
-        mirrored.chain(exchanged).chain(both).collect()
+        mirrored.chain(exchanged).chain(both).chain(self.of_units(as_read)).collect()
+    }
+
+    /// Readings of one column of the poses in another unit.
+    fn of_units(&self, as_read: &ReadRows) -> impl Iterator<Item = (Misreading, ReadRows)> {
+        let too_large =
+            |what: String, factor| Misreading::ColumnScale { columns: vec![format!("{what} of the poses")], factor };
+        let of_axis = move |(k, axis): (usize, char)| {
+            let of_others = (0..AXES.len()).filter(|other| *other != k).map(|other| as_read.spread_m(other));
+            let least_m = MIN_SPREAD * of_others.fold(0.0, f64::max);
+            let read =
+                LENGTH_UNITS.map(|factor| (too_large(axis.to_string(), factor), as_read.moved(|p| p[k] /= factor)));
+            read.into_iter().filter(move |(_, reading)| reading.spread_m(k) > least_m)
+        };
+        let in_rad = as_read.with(|pose| Pose {
+            rotation: rotation_exp(&(rotation_log(&pose.rotation) * 1f64.to_degrees())),
+            position: pose.position,
+        });
+        let angles = (too_large("each angle".into(), 1f64.to_radians()), in_rad);
+        self.axes().flat_map(of_axis).chain([angles])
+    }
+
+    /// The axes that the arm moves along, with their numbers.
+    fn axes(&self) -> impl Iterator<Item = (usize, char)> + use<> {
+        let n_axes = if self.arm.model.chain.is_planar() { 2 } else { 3 };
+        AXES.into_iter().enumerate().take(n_axes)
     }
 
     /// Words that are one row late or early from some row on.
@@ -177,8 +215,7 @@ impl Comparison<'_> {
         let apart = |pair: &[[Pose<f64>; 2]], k: usize| (pair[1][k].position - pair[0][k].position).norm();
         let ratios = successive.windows(2).map(|pair| apart(pair, 1) / apart(pair, 0));
         let factor = median(ratios.filter(|ratio| ratio.is_finite()))?;
-        let sized = |pose: &Pose<f64>| Pose { rotation: pose.rotation, position: pose.position / factor };
-        let reading = ReadRows { words: as_read.words.clone(), poses: as_read.poses.iter().map(sized).collect() };
+        let reading = as_read.moved(|p| *p /= factor);
         let is_other = factor.is_normal() && (factor.ln()).abs() > OTHER_SIZE.ln_1p();
         Some((Misreading::LengthScale { factor }, self.error_m(&reading)?)).filter(|_| is_other)
     }

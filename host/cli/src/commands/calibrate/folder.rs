@@ -66,6 +66,11 @@ impl Settings {
 }
 
 impl Folder {
+    /// Whether a calibration was begun there.
+    pub(super) fn is_begun(path: &Path) -> bool {
+        path.join(SETTINGS).exists()
+    }
+
     /// Opens the folder of a calibration with these settings, or makes it.
     pub(super) fn open(path: &Path, settings: &Settings) -> anyhow::Result<Self> {
         let file = path.join(SETTINGS);

@@ -55,13 +55,15 @@ pub(crate) enum CameraError {
     },
     /// It sends nothing new.
     #[error(
-        "the newest measurement of the camera {camera} is {age_s:.0} s old; does a program write it, and is its time_s Unix time?"
+        "the newest measurement of the camera {camera} has time_s {newest_s:.3}, and now it is {now_s:.3}; let a program write it now, in Unix time"
     )]
     Old {
         /// As the user named it.
         camera: String,
-        /// Age of the newest one, s.
-        age_s: f64,
+        /// When the newest one was made, Unix time.
+        newest_s: f64,
+        /// Now, Unix time.
+        now_s: f64,
     },
     /// Nothing was received.
     #[error("the camera {camera} sent nothing, not even its header; check the camera program")]
@@ -126,11 +128,11 @@ impl Camera {
         let begin = Instant::now();
         loop {
             self.poll()?;
-            let age_s = self.newest_s.map(|newest_s| unix_now_s() - newest_s);
-            match age_s {
-                Some(age_s) if age_s < CAMERA_DELAY_S => return Ok(()),
+            let now_s = unix_now_s();
+            match self.newest_s {
+                Some(newest_s) if now_s - newest_s < CAMERA_DELAY_S => return Ok(()),
                 _ if begin.elapsed() < FIRST_WITHIN => thread::sleep(POLL),
-                Some(age_s) => return Err(CameraError::Old { camera: self.name.clone(), age_s }),
+                Some(newest_s) => return Err(CameraError::Old { camera: self.name.clone(), newest_s, now_s }),
                 None => return Err(CameraError::Silent { camera: self.name.clone() }),
             }
         }

@@ -121,6 +121,17 @@ fn readings_of_poses_are_found() {
         Some(Misreading::LengthScale { factor }) => assert!((factor / 1.6 - 1.0).abs() < 0.01, "{factor}"),
         other => panic!("{other:?}"),
     }
+    let in_m = with(&|mut pose| {
+        pose.position.x *= 1e-3;
+        pose
+    });
+    let text = |run: &Run| found(&arm, run).map(|misreading| misreading.to_string());
+    assert_eq!(text(&in_m).as_deref(), Some("x of the poses is 1000 times too small"));
+    let in_rad = with(&|pose| {
+        let angle = rotation_log(&pose.rotation) / 1f64.to_degrees();
+        Pose { rotation: rotation_exp(&angle), position: pose.position }
+    });
+    assert_eq!(text(&in_rad).as_deref(), Some("each angle of the poses is 57 times too small"));
 }
 
 #[test]
