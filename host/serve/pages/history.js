@@ -66,7 +66,7 @@ function showRuns(runs) {
     when(run.started_ms), run.ended_ms === null ? '–' : seconds(1e-3 * (run.ended_ms - run.started_ms)),
     OUTCOMES[run.outcome] + (run.cause ? `: ${run.cause}` : ''), String(run.rows), digest(run.table), model(run.model),
     `${run.board} ${run.device}`, button('Events', `Events of run ${run.id}`, () => showEvents(run)),
-  ]), 'No run yet: a run is a table that the board plays, from the pages Live and Program or by `darm play`, while this server runs.');
+  ]), 'No run yet: a run is a table that the board plays, from the pages Live and Program or by the command darm play, while this server runs.');
 }
 
 const showEvents = (run) => attempt(async () => {
