@@ -97,19 +97,14 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
     pub async fn visit_all(&mut self, shared: &Shared<'_>) {
         let mut waiting = [true; MAX_SERVOS];
         while let Some((index, joint)) = self.next_visit(&mut waiting, &shared.joints()) {
-            let visited = match joint {
-                Some(joint) => self.visit(index, joint, shared).await.map(Some),
-                None => Ok(None),
+            let Some(joint) = joint else {
+                self.set_written(index, None);
+                continue;
             };
-            match visited {
-                Ok(Some(seen)) => shared.see_servo(index, seen),
-                Ok(None) => self.set_written(index, None),
+            match self.visit(index, joint, shared).await {
+                Ok(seen) => shared.see_servo(index, seen),
                 Err(_) => {
                     shared.note_unanswered();
-                    // The position of a servo that holds is no new goal: its load bends it.
-                    if joint.is_none_or(|joint| joint.action != ServoAction::Hold) {
-                        self.set_written(index, None);
-                    }
                     self.settle().await;
                 }
             }
@@ -141,9 +136,46 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
 
     /// Reads first: what is written may depend on where the servo is.
     async fn visit(&mut self, index: usize, joint: Joint, shared: &Shared<'_>) -> Result<ServoSeen, BusError> {
+        let (seen, position) = match self.look(joint.limit.id).await {
+            Ok(found) => found,
+            Err(error) => {
+                // The position of a servo that holds is no new goal: its load bends it.
+                if joint.action != ServoAction::Hold {
+                    self.set_written(index, None);
+                }
+                return Err(error);
+            }
+        };
+        if shared.servo_seen(index).answered.is_none() {
+            // What is written next may drive it although its answer is lost: from now on its silence counts.
+            shared.see_servo(index, seen);
+        }
+        // What it is to do may have changed meanwhile: no target from before a stop is written after it.
+        let Some(joint) = shared.joints().get(index).copied().flatten() else { return Ok(seen) };
+        let visits = match self.written.get(index).copied().flatten() {
+            Some(last) if last.joint == joint && last.visits < REWRITE_VISITS => last.visits.saturating_add(1),
+            // The position that is held was written once; again it would creep.
+            Some(last) if last.joint == joint && joint.action == ServoAction::Hold => last.visits,
+            _ => {
+                match joint.action {
+                    // It may go although its answer is lost: it is written again then, and a stop visits it first.
+                    ServoAction::Go(_) => self.set_written(index, Some(Written { joint, visits: REWRITE_VISITS })),
+                    ServoAction::Release => self.set_written(index, None),
+                    ServoAction::Hold => {}
+                }
+                self.act(&joint, position).await?;
+                0
+            }
+        };
+        self.set_written(index, Some(Written { joint, visits }));
+        Ok(seen)
+    }
+
+    /// What a servo reports, and its position in steps.
+    async fn look(&mut self, id: u8) -> Result<(ServoSeen, u16), BusError> {
         // An answer may wait to be read while the flash lets nothing run: it is as old as its request.
         let asked = self.clock.now();
-        let answer = self.ask(&Packet::read(joint.limit.id, PRESENT, PRESENT_LEN)).await?;
+        let answer = self.ask(&Packet::read(id, PRESENT, PRESENT_LEN)).await?;
         let &[p0, p1, _, _, l0, l1] = answer.parameters() else { return Err(BusError::Length) };
         let position = u16::from_le_bytes([p0, p1]);
         let load = u16::from_le_bytes([l0, l1]) & (LOAD_SIGN - 1);
@@ -153,21 +185,7 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
             error: answer.code,
             answered: Some(asked),
         };
-        if shared.servo_seen(index).answered.is_none() {
-            // What is written next may drive it although its answer is lost: from now on its silence counts.
-            shared.see_servo(index, seen);
-        }
-        let visits = match self.written.get(index).copied().flatten() {
-            Some(last) if last.joint == joint && last.visits < REWRITE_VISITS => last.visits.saturating_add(1),
-            // The position that is held was written once; again it would creep.
-            Some(last) if last.joint == joint && joint.action == ServoAction::Hold => last.visits,
-            _ => {
-                self.act(&joint, position).await?;
-                0
-            }
-        };
-        self.set_written(index, Some(Written { joint, visits }));
-        Ok(seen)
+        Ok((seen, position))
     }
 
     async fn act(&mut self, joint: &Joint, position: u16) -> Result<(), BusError> {

@@ -60,8 +60,8 @@ pub struct Sequencer<'t> {
     servos: [ServoAction; MAX_SERVOS],
     /// Joint angle = shaft angle − offset.
     offsets_rad: [f32; MAX_SERVOS],
-    /// When servos on their way were to hold last.
-    hold_since: Micros,
+    /// When servos on their way were to hold last; `None` where that order leaves with the next tick.
+    hold_since: Option<Micros>,
     /// When each servo answered last, without the time since then in which no tick ran.
     answered: [Option<Micros>; MAX_SERVOS],
     emergency_stop: bool,
@@ -85,7 +85,7 @@ impl<'t> Sequencer<'t> {
             is_armed: false,
             servos: [ServoAction::Hold; MAX_SERVOS],
             offsets_rad: [0.0; MAX_SERVOS],
-            hold_since: Micros(0),
+            hold_since: Some(Micros(0)),
             answered: [None; MAX_SERVOS],
             emergency_stop: false,
             has_begun_row: false,
@@ -142,6 +142,7 @@ impl<'t> Sequencer<'t> {
     pub fn step(&mut self, now: Micros, seen: &Seen) -> Outputs {
         self.excuse_servos(now - self.now);
         (self.now, self.has_begun_row) = (now, false);
+        self.hold_since.get_or_insert(now);
         self.take_over(TAKEN_A_TICK);
         self.emergency_stop = self.profile.emergency_stop.is_some_and(|stop| stop.is_pressed(seen.switches));
         let is_safe = matches!(self.phase, Phase::Safe(_));

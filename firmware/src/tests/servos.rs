@@ -103,3 +103,21 @@ fn no_flash_is_written_before_a_servo_has_its_order_to_hold() {
         assert_eq!(waited_us > 150_000, !answers, "{waited_us} us");
     }
 }
+
+/// While code and tables share a flash that is erased no tick runs: the order leaves with the tick after it.
+#[test]
+fn no_flash_is_written_before_an_order_to_hold_of_a_late_tick() {
+    for late_ms in [1, 150, 250, 400] {
+        let bench = with_servo(0.0);
+        bench.command(Command::Servo { servo: 0, angle_rad: 0.3 }).unwrap();
+        bench.pass_ms(5);
+        bench.clock.0.set(bench.clock.0.get() + 1000 * late_ms);
+        bench.shared.stop();
+        bench.tick();
+        assert_eq!(servo_target(&bench), None);
+        let before_us = bench.clock.0.get();
+        bench.ask(Request::Begin(table(2, 4, true).0)).unwrap();
+        let waited_us = bench.clock.0.get() - before_us;
+        assert!((150_000..220_000).contains(&waited_us), "{late_ms} ms late: {waited_us} us");
+    }
+}

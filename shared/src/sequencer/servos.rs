@@ -32,8 +32,9 @@ impl Sequencer<'_> {
     /// Whether a servo that was on its way may not have its order to hold yet: it has not answered since, as it does when it gets
     /// the order.
     pub fn has_stopping_servo(&self, seen: &Seen) -> bool {
-        let is_recent = self.now - self.hold_since < HOLD_TIME;
-        let from = self.hold_since + ORDER_TIME;
+        let hold_since = self.hold_since.unwrap_or(self.now);
+        let is_recent = self.now - hold_since < HOLD_TIME;
+        let from = hold_since + ORDER_TIME;
         is_recent && seen.servos.iter().any(|servo| servo.answered.is_some_and(|answered| answered < from))
     }
 
@@ -65,7 +66,7 @@ impl Sequencer<'_> {
         for action in &mut self.servos {
             if matches!(action, ServoAction::Go(_)) {
                 *action = ServoAction::Hold;
-                self.hold_since = self.now;
+                self.hold_since = None;
             }
         }
     }
