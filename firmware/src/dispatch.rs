@@ -113,6 +113,8 @@ pub struct Dispatcher<'s, 't, F: NorFlash, C> {
 /// The last request that changed something, and its answer.
 struct Answered {
     number: u16,
+    /// Checksum of the request: a host that begins again may use the number for another one.
+    checksum: u32,
     at: Micros,
     reply: Payload,
 }
@@ -246,18 +248,19 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
             let result = self.run(request).await;
             return Some(self.reply(result));
         }
+        let checksum = frame::CRC.checksum(bytes);
         // Numbers count around: a change that is kept for ever would make a new one look old.
         if let Some(last) = self.last.as_ref().filter(|last| self.clock.now() - last.at < COPIES) {
             match header.number.wrapping_sub(last.number) as i16 {
-                0 => return Some(last.reply.clone()),
-                // A late copy; or a host whose numbers have gone half round: either learns that nothing was done.
-                ..0 => return Some(self.reply(Err(Refusal::NotConnected))),
+                0 if last.checksum == checksum => return Some(last.reply.clone()),
+                // A late copy; or a host that begins again or has gone half round: each learns that nothing was done.
+                ..=0 => return Some(self.reply(Err(Refusal::NotConnected))),
                 1.. => {}
             }
         }
         let result = self.run(request).await;
         let reply = self.reply(result);
-        self.last = Some(Answered { number: header.number, at: self.clock.now(), reply: reply.clone() });
+        self.last = Some(Answered { number: header.number, checksum, at: self.clock.now(), reply: reply.clone() });
         Some(reply)
     }
 
@@ -321,7 +324,6 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
             Request::Command(command) if command != Command::Stop && self.is_stopped() => {
                 Err(Refusal::Command(CommandError::Stopped))
             }
-            Request::Calibrate(_) if self.is_stopped() => Err(Refusal::Command(CommandError::Stopped)),
             Request::Command(command) => self.command(command).await.map(|()| Answer::Done),
             Request::Calibrate(calibration) => self.calibrate(calibration).await,
             Request::Calibration => Ok(Answer::Calibration(self.calibration?)),

@@ -39,6 +39,8 @@ struct Bench {
     stuck: Cell<Option<u32>>,
     /// A person holds the button.
     button: Cell<bool>,
+    /// When a stop comes that goes past the dispatcher, us.
+    stop_at: Cell<Option<u64>>,
     dispatcher: RefCell<Option<OnBench>>,
     number: Cell<u16>,
 }
@@ -67,6 +69,7 @@ impl Bench {
             outputs: Cell::default(),
             stuck: Cell::default(),
             button: Cell::default(),
+            stop_at: Cell::default(),
             dispatcher: RefCell::default(),
             number: Cell::new(0),
             cells,
@@ -85,6 +88,9 @@ impl Bench {
     fn tick(&self) {
         let now = self.clock.0.get() + TICK.0;
         self.clock.0.set(now);
+        if Some(now) == self.stop_at.get() {
+            self.shared.stop();
+        }
         let switches = self.stuck.get().unwrap_or(self.outputs.get().lines as u32);
         let inputs = Inputs { switches, button: self.button.get(), ..Inputs::default() };
         self.outputs.set(self.control.borrow_mut().tick(Micros(now), Micros(now), inputs, self.shared));

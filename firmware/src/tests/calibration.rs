@@ -1,12 +1,12 @@
 //! Zero offsets of the servos: in force after every start, never taken for zero when they are lost.
 
 use darm_core::profile::{EmergencyStop, Profile};
-use darm_core::sequencer::{Command, Phase, ServoSeen};
+use darm_core::sequencer::{Command, CommandError, Phase, ServoSeen};
 use darm_core::units::Micros;
 use darm_core::wire::message::{Answer, Calibration, Refusal, Request};
 
 use super::fakes::{Cells, profile, profile_image, run, table, table_under};
-use super::servos::servo_target;
+use super::servos::{servo_target, with_servo};
 use super::{Bench, loaded};
 use crate::store::Store;
 
@@ -62,4 +62,17 @@ fn no_table_with_servos_is_loaded_while_the_offsets_are_lost() {
     assert_eq!(again.upload(&table(2, 4, true)), Err(Refusal::NoCalibration));
     assert_eq!(again.ask(Request::Calibrate(half_a_radian())), Ok(Answer::Done));
     assert_eq!(again.upload(&table(2, 4, true)), Ok(Answer::Committed { rows: 4 }));
+}
+
+#[test]
+fn a_calibration_that_waits_for_a_servo_to_hold_is_not_done_after_a_stop() {
+    let bench = with_servo(0.0);
+    bench.command(Command::Servo { servo: 0, angle_rad: 0.3 }).unwrap();
+    bench.pass_ms(5);
+    bench.command(Command::Stop).unwrap();
+    let begun_us = bench.clock.0.get();
+    bench.stop_at.set(Some(begun_us + 50_000));
+    assert_eq!(bench.ask(Request::Calibrate(half_a_radian())), Err(Refusal::Command(CommandError::Stopped)));
+    assert!(bench.clock.0.get() > begun_us + 150_000, "it has waited");
+    assert_eq!(bench.ask(Request::Calibration), Ok(Answer::Calibration(None)));
 }

@@ -155,3 +155,14 @@ fn noise_frames_and_lines_do_not_panic() {
     assert_eq!(bench.ask_as(5, 2, Request::Command(Command::Stop)), Some(Ok(Answer::Done)));
     println!("FIGURE random and mutated frames and lines without a panic = {} pieces", rounds());
 }
+
+/// A host that was started again may count from the start on the same connection.
+#[test]
+fn another_change_with_the_number_of_the_last_one_is_not_answered_as_done() {
+    let bench = loaded();
+    let ask = |number, request| bench.ask_as(5, number, request).unwrap();
+    assert!(ask(0, Request::Hello { protocol: PROTOCOL }).is_ok());
+    let play = || Request::Command(Command::Play);
+    assert_eq!([ask(1, play()), ask(1, play())], [Ok(Answer::Done), Ok(Answer::Done)]);
+    assert_eq!(ask(1, Request::Command(Command::Stop)), Err(Refusal::NotConnected));
+}
