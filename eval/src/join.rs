@@ -10,7 +10,7 @@ use darm_figures::measured;
 use darm_figures::merge::Merged as Results;
 use darm_figures::root;
 
-use crate::{bench, blind, demo, faults, papers};
+use crate::{bench, blind, calibrate, demo, faults, papers};
 
 /// Joins the result files of a run that was spread over processes, and prints its table
 ///
@@ -38,6 +38,8 @@ impl Merge {
             blind::Damages::COMMAND => self.report::<blind::Damages>(runs),
             blind::Layouts::COMMAND => self.report::<blind::Layouts>(runs),
             blind::Mechanisms::COMMAND => self.report::<blind::Mechanisms>(runs),
+            calibrate::Clean::COMMAND => self.report::<calibrate::Clean>(runs),
+            calibrate::Effects::COMMAND => self.report::<calibrate::Effects>(runs),
             demo::Sweep::COMMAND => self.report::<demo::Sweep>(runs),
             bench::SynthesisSweep::COMMAND => self.report::<bench::SynthesisSweep>(runs),
             bench::Reach::COMMAND => self.report::<bench::Reach>(runs),
@@ -134,6 +136,8 @@ mod tests {
             ["seed 1", "seed 2"]
         );
         assert_eq!(items::<demo::Sweep>(json!({ "seeds": 1, "arm": "hybrid", "effect": null })).len(), 1);
+        assert_eq!(items::<calibrate::Effects>(json!({ "seeds": 2, "first_seed": 1 })).len(), 2 * 6);
+        assert_eq!(items::<calibrate::Clean>(json!({ "arms": 3, "first_seed": 1 })).len(), 3);
         assert_eq!(items::<bench::SynthesisSweep>(json!({})).len(), 17 * 200 + 100);
         assert_eq!(items::<bench::Reach>(json!({ "seed": 1 })).len(), 1 + 1000);
         assert_eq!(

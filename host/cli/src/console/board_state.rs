@@ -46,7 +46,7 @@ impl BoardState {
         }
     }
 
-    /// The status line: what it does, and where it stands still its word.
+    /// The status line: what it does, and its word where it does not move.
     pub(crate) fn line(&self) -> String {
         let word = self.status.word;
         match self.status.phase {

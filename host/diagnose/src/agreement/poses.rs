@@ -166,10 +166,10 @@ impl Comparison<'_> {
             |what: String, factor| Misreading::ColumnScale { columns: vec![format!("{what} of the poses")], factor };
         let of_axis = move |(k, axis): (usize, char)| {
             let of_others = (0..AXES.len()).filter(|other| *other != k).map(|other| as_read.spread_m(other));
-            let least_m = MIN_SPREAD * of_others.fold(0.0, f64::max);
+            let min_m = MIN_SPREAD * of_others.fold(0.0, f64::max);
             let read =
                 LENGTH_UNITS.map(|factor| (too_large(axis.to_string(), factor), as_read.moved(|p| p[k] /= factor)));
-            read.into_iter().filter(move |(_, reading)| reading.spread_m(k) > least_m)
+            read.into_iter().filter(move |(_, reading)| reading.spread_m(k) > min_m)
         };
         let in_rad = as_read.with(|pose| Pose {
             rotation: rotation_exp(&(rotation_log(&pose.rotation) * 1f64.to_degrees())),
