@@ -253,9 +253,12 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
         if let Some(last) = self.last.as_ref().filter(|last| self.clock.now() - last.at < COPIES) {
             match header.number.wrapping_sub(last.number) as i16 {
                 0 if last.checksum == checksum => return Some(last.reply.clone()),
-                // A late copy; or a host that begins again or has gone half round: each learns that nothing was done.
-                ..=0 => return Some(self.reply(Err(Refusal::NotConnected))),
-                1.. => {}
+                // A late copy; or a host that begins again or has gone half round: each learns that nothing was done. A stop is
+                // done all the same.
+                ..=0 if !matches!(request, Request::Command(Command::Stop)) => {
+                    return Some(self.reply(Err(Refusal::NotConnected)));
+                }
+                _ => {}
             }
         }
         let result = self.run(request).await;

@@ -75,6 +75,8 @@ pub struct Bus<R, W, C> {
 struct Written {
     joint: Joint,
     visits: u8,
+    /// It did not answer when it was visited last.
+    is_silent: bool,
 }
 
 impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
@@ -93,7 +95,7 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
         }
     }
 
-    /// Visits every servo once, first those that are to hold and still go to a target.
+    /// Visits every servo once, first those that are to hold and still go to a target; of these first those that answer.
     pub async fn visit_all(&mut self, shared: &Shared<'_>) {
         let mut waiting = [true; MAX_SERVOS];
         while let Some((index, joint)) = self.next_visit(&mut waiting, &shared.joints()) {
@@ -115,17 +117,26 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
     fn next_visit(&self, waiting: &mut [bool; MAX_SERVOS], joints: &Joints) -> Option<(usize, Option<Joint>)> {
         let waits = |index: &usize| waiting.get(*index) == Some(&true);
         let mut left = (0..MAX_SERVOS).filter(waits);
-        let next = left.clone().find(|index| self.is_to_hold(*index, joints)).or_else(|| left.next())?;
+        let to_hold = |is_silent| left.clone().find(|index| self.is_to_hold(*index, is_silent, joints));
+        let next = to_hold(false).or_else(|| to_hold(true)).or_else(|| left.next())?;
         *waiting.get_mut(next)? = false;
         Some((next, joints.get(next).copied().flatten()))
     }
 
-    /// Whether the servo goes to a target that it is to leave.
-    fn is_to_hold(&self, index: usize, joints: &Joints) -> bool {
-        let goes = |joint: &Joint| matches!(joint.action, ServoAction::Go(_));
+    /// Whether the servo goes to a target that it is to leave, one that answers or one that is silent.
+    fn is_to_hold(&self, index: usize, is_silent: bool, joints: &Joints) -> bool {
         let written = self.written.get(index).copied().flatten();
         let joint = joints.get(index).copied().flatten();
-        written.is_some_and(|last| goes(&last.joint)) && !joint.is_some_and(|joint| goes(&joint))
+        written.is_some_and(|last| goes(&last.joint) && last.is_silent == is_silent)
+            && !joint.is_some_and(|joint| goes(&joint))
+    }
+
+    /// Whether it does what was written last is not known: the next visit writes what it is to do. A position that is held is
+    /// not written again all the same: where the load has bent it to is no new goal.
+    fn doubt(&mut self, index: usize, is_silent: bool) {
+        if let Some(Some(last)) = self.written.get_mut(index) {
+            *last = Written { visits: REWRITE_VISITS, is_silent, ..*last };
+        }
     }
 
     fn set_written(&mut self, index: usize, written: Option<Written>) {
@@ -139,10 +150,7 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
         let (seen, position) = match self.look(joint.limit.id).await {
             Ok(found) => found,
             Err(error) => {
-                // The position of a servo that holds is no new goal: its load bends it.
-                if joint.action != ServoAction::Hold {
-                    self.set_written(index, None);
-                }
+                self.doubt(index, true);
                 return Err(error);
             }
         };
@@ -157,17 +165,17 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
             // The position that is held was written once; again it would creep.
             Some(last) if last.joint == joint && joint.action == ServoAction::Hold => last.visits,
             _ => {
-                match joint.action {
-                    // It may go although its answer is lost: it is written again then, and a stop visits it first.
-                    ServoAction::Go(_) => self.set_written(index, Some(Written { joint, visits: REWRITE_VISITS })),
-                    ServoAction::Release => self.set_written(index, None),
-                    ServoAction::Hold => {}
+                // Whether it does this or still the last is not known before it answers.
+                if goes(&joint) {
+                    self.set_written(index, Some(Written { joint, visits: REWRITE_VISITS, is_silent: false }));
+                } else {
+                    self.doubt(index, false);
                 }
                 self.act(&joint, position).await?;
                 0
             }
         };
-        self.set_written(index, Some(Written { joint, visits }));
+        self.set_written(index, Some(Written { joint, visits, is_silent: false }));
         Ok(seen)
     }
 
@@ -245,6 +253,11 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
             Either::Second(()) => Ok(None),
         }
     }
+}
+
+/// Whether it moves.
+fn goes(joint: &Joint) -> bool {
+    matches!(joint.action, ServoAction::Go(_))
 }
 
 /// The registers of a target, no farther, faster or stronger than the limit.

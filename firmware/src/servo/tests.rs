@@ -166,29 +166,50 @@ fn an_unchanged_target_is_written_again_only_now_and_then() {
     assert_eq!(fake.writes.get(), 3);
 }
 
-/// One that does not answer takes the bus 22 ms, in which the next one would move on. A lost answer to the target makes no
-/// difference: it may go all the same.
+/// One that does not answer takes the bus 22 ms, in which the next one would move on. Lost answers make no difference: it may go
+/// all the same.
 #[test]
 fn a_servo_on_its_way_is_held_before_the_others_are_visited() {
     let with_id =
         |joint: Option<Joint>, id| joint.map(|joint| Joint { limit: ServoWiring { id, ..joint.limit }, ..joint });
     let hold = doing(ServoAction::Hold);
-    for is_lost in [false, true] {
+    for (is_write_lost, is_read_lost) in [(false, false), (true, false), (false, true)] {
         let (fake, shared, clock) = (Fake::new(), Shared::new(), HandClock::default());
         shared.set_joints([with_id(hold, 1), with_id(hold, 2), with_id(joint(0.5), 3), None]);
         let mut bus = Bus::new(&fake, &fake, &clock);
-        fake.mute_to_writes.set(is_lost);
         let visits = async {
+            fake.mute_to_writes.set(is_write_lost);
             bus.visit_all(&shared).await;
             fake.mute_to_writes.set(false);
+            fake.mute.set(is_read_lost);
+            bus.visit_all(&shared).await;
+            fake.mute.set(false);
             shared.set_joints([with_id(hold, 1), with_id(hold, 2), with_id(hold, 3), None]);
             fake.asked.borrow_mut().clear();
             bus.visit_all(&shared).await;
         };
         run(visits, || clock.0.set(clock.0.get() + 100));
         fake.asked.borrow_mut().dedup();
-        assert_eq!(fake.asked.borrow()[..], [3, 1, 2], "answer lost: {is_lost}");
+        assert_eq!(fake.asked.borrow()[..], [3, 1, 2], "lost: write {is_write_lost}, read {is_read_lost}");
     }
+}
+
+/// It holds already, though the answer to that was lost.
+#[test]
+fn the_same_target_is_written_again_after_a_hold_whose_answer_was_lost() {
+    let (fake, shared, clock) = (Fake::new(), Shared::new(), HandClock::default());
+    let mut bus = Bus::new(&fake, &fake, &clock);
+    let visits = async {
+        for (action, is_lost) in [(joint(0.5), false), (doing(ServoAction::Hold), true), (joint(0.5), false)] {
+            shared.set_joints([action, None, None, None]);
+            // Not yet where it is to go.
+            fake.registers.borrow_mut()[56..58].copy_from_slice(&2100u16.to_le_bytes());
+            fake.mute_to_writes.set(is_lost);
+            bus.visit_all(&shared).await;
+        }
+    };
+    run(visits, || clock.0.set(clock.0.get() + 100));
+    assert_eq!(fake.registers.borrow()[42..44], steps(0.5).to_le_bytes());
 }
 
 /// The position is read before the target is written.

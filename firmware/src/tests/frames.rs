@@ -160,9 +160,14 @@ fn noise_frames_and_lines_do_not_panic() {
 #[test]
 fn another_change_with_the_number_of_the_last_one_is_not_answered_as_done() {
     let bench = loaded();
-    let ask = |number, request| bench.ask_as(5, number, request).unwrap();
-    assert!(ask(0, Request::Hello { protocol: PROTOCOL }).is_ok());
-    let play = || Request::Command(Command::Play);
-    assert_eq!([ask(1, play()), ask(1, play())], [Ok(Answer::Done), Ok(Answer::Done)]);
-    assert_eq!(ask(1, Request::Command(Command::Stop)), Err(Refusal::NotConnected));
+    let ask = |number, command| bench.ask_as(5, number, Request::Command(command)).unwrap();
+    assert!(bench.ask_as(5, 0, Request::Hello { protocol: PROTOCOL }).unwrap().is_ok());
+    assert_eq!([ask(3, Command::Play), ask(3, Command::Play)], [Ok(Answer::Done), Ok(Answer::Done)]);
+    for number in [3, 2] {
+        assert_eq!(ask(number, Command::Clear), Err(Refusal::NotConnected));
+    }
+    bench.pass_ms(50);
+    assert_eq!(ask(3, Command::Stop), Ok(Answer::Done));
+    bench.pass_ms(5);
+    assert_eq!(bench.outputs.get().lines, 0, "a stop is never refused");
 }
