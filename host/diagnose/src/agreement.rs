@@ -25,7 +25,7 @@ const TRIMMED: f64 = 0.1;
 pub(crate) enum Agreement {
     /// As they are, or nearly.
     AsRead,
-    /// Hardly: the model explains less than one that belongs to its log; no more effects than this may be in the model that is found.
+    /// Hardly: the model explains less than one that belongs to its log; no more effects than this may be added.
     Hardly(usize),
     /// Read in another way, with this error.
     Otherwise(OtherReading),

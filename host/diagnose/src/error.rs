@@ -61,7 +61,7 @@ pub enum DiagnoseError {
         /// Words that a fit may see.
         words: usize,
     },
-    /// Too few rows.
+    /// Too few rows, or pieces of rows.
     #[error(
         "{rows} rows in {pieces} pieces are not enough to distinguish an effect from chance: measure at least {MIN_ROWS} rows in {MIN_PIECES} pieces that are not held out"
     )]

@@ -50,6 +50,8 @@ pub enum Misreading {
     },
     /// Measured angles have the other sign.
     InvertedAngles,
+    /// The angles of the poses are radians, and read as degrees.
+    AnglesInRadians,
     /// The pose of the base in the tool was measured, not that of the tool in the base.
     InvertedPoses,
     /// Lengths are in another unit, or the model is of another size.
@@ -118,6 +120,7 @@ impl fmt::Display for Misreading {
             Self::ExchangedAxes { axes: [a, b] } => write!(f, "{a} and {b} of the positions are exchanged"),
             Self::MirroredAxis { axis } => write!(f, "{axis} of the positions has the other sign"),
             Self::InvertedAngles => write!(f, "the angles have the other sign"),
+            Self::AnglesInRadians => write!(f, "the angles of the poses are in rad, and read as deg"),
             Self::InvertedPoses => write!(f, "the poses are those of the base in the tool"),
             Self::LengthScale { factor } => {
                 write!(f, "the lengths of the log are {} times those of the model", rounded(*factor))

@@ -39,7 +39,7 @@ use crate::measurement::{Finding, FindingKind};
 pub use crate::misreading::Misreading;
 pub use crate::rejection::Rejection;
 pub use crate::select::forward::SelectionStep;
-pub use structure::{Dependence, Regressor, Shape, Structure, frame_name_of};
+pub use structure::{Dependence, Regressor, Shape, Structure};
 
 /// What was found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -267,10 +267,13 @@ pub struct AxisFigure {
 impl AxisFigure {
     /// Of a component of a twist, ω first: rad or m.
     pub(crate) fn of_twist(component: usize, value: f64) -> Self {
-        let names = [("about x", "rad"), ("about y", "rad"), ("about z", "rad"), ("x", "m"), ("y", "m"), ("z", "m")];
-        let (name, unit) = names[component];
-        Self { axis: name.into(), value, unit }
+        Self { axis: axis_name(component).into(), value, unit: if component < 3 { "rad" } else { "m" } }
     }
+}
+
+/// The name of a component of a twist, ω first.
+pub(crate) fn axis_name(component: usize) -> &'static str {
+    ["about x", "about y", "about z", "x", "y", "z"][component]
 }
 
 /// Another explanation.

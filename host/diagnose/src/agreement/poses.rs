@@ -11,7 +11,7 @@ use nalgebra::Matrix3;
 
 use super::{Agreement, FEW, MIN_EXPLAINED, trimmed_root_mean_square};
 use crate::measurement::rigid_motion::nearest_rotation;
-use crate::measurement::{Run, median, root_mean_square};
+use crate::measurement::{Run, median};
 use crate::misreading::Misreading;
 use crate::outcome::{Number, OtherReading};
 use crate::prepare::thinning::one_of_each_part;
@@ -24,10 +24,8 @@ const MUCH_LESS: f64 = 0.25;
 const OTHER_SIZE: f64 = 0.25;
 /// Rows that readings are compared on.
 const ROWS: usize = 64;
-/// How many times too large lengths in a column of another unit are: of m, cm, mm and inches.
-const LENGTH_UNITS: [f64; 10] = [1e3, 1e-3, 1e2, 1e-2, 10.0, 0.1, 25.4, 1.0 / 25.4, 39.37, 1.0 / 39.37];
-/// Share of the spread of the other axes that one in another unit has at least: a smaller one would hide its error.
-const MIN_SPREAD: f64 = 0.1;
+/// How many times too large the lengths in a column of another unit are, of m, cm, mm and inches; or too small.
+const LENGTH_UNITS: [f64; 6] = [1000.0, 100.0, 10.0, 39.37, 25.4, 2.54];
 /// Names of the axes of a position.
 const AXES: [char; 3] = ['x', 'y', 'z'];
 /// Actuators up to which all orders near the present one are tried.
@@ -53,13 +51,6 @@ impl ReadRows {
             change(&mut pose.position);
             pose
         })
-    }
-
-    /// Root mean square of a component of the positions about its mean, m.
-    fn spread_m(&self, axis: usize) -> f64 {
-        let along: Vec<f64> = self.poses.iter().map(|pose| pose.position[axis]).collect();
-        let mean = along.iter().sum::<f64>() / along.len().max(1) as f64;
-        root_mean_square(&along.iter().map(|x| x - mean).collect::<Vec<f64>>())
     }
 }
 
@@ -112,6 +103,7 @@ impl Comparison<'_> {
         let mut tried: Vec<(Misreading, f64)> = all.into_iter().filter_map(judged).collect();
         tried.extend(self.out_of_step(as_read, run, training));
         tried.extend(self.other_size(as_read));
+        tried.extend(self.of_units(as_read));
         if self.arm.n_actuators() <= MAX_ORDERED {
             tried.extend(self.other_order(as_read));
         }
@@ -157,26 +149,40 @@ impl Comparison<'_> {
         let turned = as_read.with(|pose| Pose { rotation: pose.rotation.transpose(), position: pose.position });
         let inverted = as_read.with(Pose::inverse);
         let both = [(Misreading::InvertedAngles, turned), (Misreading::InvertedPoses, inverted)];
-        mirrored.chain(exchanged).chain(both).chain(self.of_units(as_read)).collect()
+        mirrored.chain(exchanged).chain(both).collect()
     }
 
-    /// Readings of one column of the poses in another unit.
-    fn of_units(&self, as_read: &ReadRows) -> impl Iterator<Item = (Misreading, ReadRows)> {
-        let too_large =
-            |what: String, factor| Misreading::ColumnScale { columns: vec![format!("{what} of the poses")], factor };
-        let of_axis = move |(k, axis): (usize, char)| {
-            let of_others = (0..AXES.len()).filter(|other| *other != k).map(|other| as_read.spread_m(other));
-            let min_m = MIN_SPREAD * of_others.fold(0.0, f64::max);
-            let read =
-                LENGTH_UNITS.map(|factor| (too_large(axis.to_string(), factor), as_read.moved(|p| p[k] /= factor)));
-            read.into_iter().filter(move |(_, reading)| reading.spread_m(k) > min_m)
+    /// Readings of one column of the poses in another unit, with their errors.
+    fn of_units(&self, as_read: &ReadRows) -> Vec<(Misreading, f64)> {
+        let of_axis = |(k, axis): (usize, char)| {
+            let still = as_read.moved(|p| p[k] = 0.0);
+            let read = LENGTH_UNITS.into_iter().flat_map(|times| [times, 1.0 / times]).map(move |factor| {
+                let misreading = Misreading::ColumnScale { columns: vec![format!("{axis} of the poses")], factor };
+                (misreading, as_read.moved(|p| p[k] /= factor))
+            });
+            self.better_than(&still, read)
         };
-        let in_rad = as_read.with(|pose| Pose {
-            rotation: rotation_exp(&(rotation_log(&pose.rotation) * 1f64.to_degrees())),
-            position: pose.position,
-        });
-        let angles = (too_large("each angle".into(), 1f64.to_radians()), in_rad);
-        self.axes().flat_map(of_axis).chain([angles])
+        let turned = |turn: &dyn Fn(Vec3<f64>) -> Vec3<f64>| {
+            as_read.with(|pose| Pose {
+                rotation: rotation_exp(&turn(rotation_log(&pose.rotation))),
+                position: pose.position,
+            })
+        };
+        let in_rad = turned(&|angle| angle * 1f64.to_degrees());
+        let angles = self.better_than(&turned(&|angle| angle * 0.0), [(Misreading::AnglesInRadians, in_rad)]);
+        self.axes().flat_map(of_axis).chain(angles).collect()
+    }
+
+    /// The readings that leave much less than poses in which this column does not change: dividing a column by much removes its
+    /// error as well where the model hardly moves along it, and says nothing of its unit.
+    fn better_than(
+        &self,
+        still: &ReadRows,
+        readings: impl IntoIterator<Item = (Misreading, ReadRows)>,
+    ) -> Vec<(Misreading, f64)> {
+        let still_m = self.error_m(still).unwrap_or(0.0);
+        let judged = |(misreading, reading): (Misreading, ReadRows)| Some((misreading, self.error_m(&reading)?));
+        readings.into_iter().filter_map(judged).filter(|(_, error_m)| *error_m < MUCH_LESS * still_m).collect()
     }
 
     /// The axes that the arm moves along, with their numbers.

@@ -12,7 +12,7 @@ use crate::judge::pose_dictionary::dictionary;
 use crate::judge::regression::{Design, Term, of_axis, squares};
 use crate::judge::selected::SelectedPoses;
 use crate::measurement::median;
-use crate::outcome::{AxisFigure, Dependence, Structure};
+use crate::outcome::{Dependence, Structure, axis_name};
 use crate::select::robust_fit::{size, weights};
 use crate::select::significance::f_test;
 
@@ -108,7 +108,7 @@ fn dependences(selected: &SelectedPoses, residuals: &[f64]) -> (Vec<Dependence>,
             break;
         }
         let before = if frame == Frame::Base { &turned } else { &left };
-        let axis = main_axis(before, &taken.left, n_axes).map(|k| AxisFigure::of_twist(observations.axes[k], 0.0).axis);
+        let axis = main_axis(before, &taken.left, n_axes).map(|k| axis_name(observations.axes[k]).to_owned());
         left = if frame == Frame::Base { observations.in_tool(&taken.left) } else { taken.left };
         let Term { regressor, shape, kept, .. } = design.term;
         found.push(Dependence {
@@ -127,7 +127,7 @@ fn dependences(selected: &SelectedPoses, residuals: &[f64]) -> (Vec<Dependence>,
     (found, left)
 }
 
-/// The axis that a term takes nearly all of its squares from.
+/// The axis that a term takes most of its squares from, in units of the noise.
 fn main_axis(before: &[f64], left: &[f64], n_axes: usize) -> Option<usize> {
     let rows: Vec<usize> = (0..before.len() / n_axes).collect();
     let square = |all: &[f64], axis| squares(&of_axis(all, n_axes, axis), &rows);

@@ -30,7 +30,8 @@ pub struct Structure {
 /// A variable that the residual depends on.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Dependence {
-    /// The axis of the residual, of a tool pose that in which nearly all of it is; `None`: several axes together.
+    /// The axis of the residual; of a tool pose that which has at least three quarters of the squares, in units of the noise;
+    /// `None`: several axes together.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub axis: Option<String>,
     /// What it depends on.
@@ -56,6 +57,14 @@ pub struct Dependence {
     /// What the model of an arm may keep of it: variables, and whether their squares.
     #[serde(skip)]
     pub terms: Vec<(Variable<f64>, bool)>,
+}
+
+impl Dependence {
+    /// Its axis, of a tool pose with the frame, as `y of the base`.
+    pub fn direction(&self) -> String {
+        let of = self.frame.map_or(String::new(), |frame| format!(" of the {}", frame_name_of(frame)));
+        format!("{}{of}", self.axis.as_deref().unwrap_or("several axes"))
+    }
 }
 
 impl fmt::Display for Dependence {
@@ -187,7 +196,7 @@ fn shape_name<S: Serializer>(shape: &Shape, serializer: S) -> Result<S::Ok, S::E
 }
 
 /// The frame's name.
-pub fn frame_name_of(frame: Frame) -> &'static str {
+fn frame_name_of(frame: Frame) -> &'static str {
     match frame {
         Frame::Base => "base",
         Frame::Tool => "tool",

@@ -12,7 +12,8 @@ use crate::judge::far_rows::are_too_many;
 use crate::judge::fitted_terms::WithTerms;
 use crate::linearise::arm_candidates::{place_name, term_name};
 use crate::outcome::{
-    self, Alternative, BeforeAfter, Diagnosis, ErrorFigure, NextMeasurement, OtherReading, Regressor, Verdict,
+    self, Alternative, BeforeAfter, Dependence, Diagnosis, ErrorFigure, NextMeasurement, OtherReading, Regressor,
+    Verdict,
 };
 use crate::prepare::repeatability::MIN_DOF;
 use crate::rejection::Rejection;
@@ -44,7 +45,8 @@ pub(crate) fn of_poses(
         sentences.push(format!("Candidates: {}.", candidates.collect::<Vec<_>>().join("; ")));
     }
     if matches!(diagnosis.verdict, Verdict::UnexplainedStructure | Verdict::PartlyExplained) {
-        let names: Vec<String> = diagnosis.remaining.depends_on.iter().take(3).map(ToString::to_string).collect();
+        let name = |one: &Dependence| format!("{one}, in {}", one.direction());
+        let names: Vec<String> = diagnosis.remaining.depends_on.iter().take(3).map(name).collect();
         if !names.is_empty() {
             sentences.push(format!("The residual correlates with: {}.", names.join("; ")));
         }

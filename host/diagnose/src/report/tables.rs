@@ -2,9 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::outcome::{
-    AxisFigure, Diagnosis, Effect, ErrorFigure, NextMeasurement, SelectionStep, Structure, Value, frame_name_of,
-};
+use crate::outcome::{AxisFigure, Diagnosis, Effect, ErrorFigure, NextMeasurement, SelectionStep, Structure, Value};
 use maud::{Markup, html};
 
 use super::numbers::{chance, short, shown, with_unit};
@@ -183,7 +181,7 @@ fn dependences(side: &str, structure: &Structure) -> Markup {
                 @for one in structure.depends_on.iter().take(8) {
                     tr {
                         td { (one) }
-                        td { (one.axis.as_deref().unwrap_or("several axes")) @if let Some(frame) = one.frame { " of the " (frame_name_of(frame)) } }
+                        td { (one.direction()) }
                         td.num { (format!("{:.0} %", 100.0 * one.share)) }
                         td.num { (one.p.map_or("–".into(), chance)) }
                         @if has_gain { td.num { (one.held_out_gain.as_ref().map_or("–".into(), |gain| with_unit(gain.value, gain.unit))) } }

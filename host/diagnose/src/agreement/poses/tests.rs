@@ -121,17 +121,39 @@ fn readings_of_poses_are_found() {
         Some(Misreading::LengthScale { factor }) => assert!((factor / 1.6 - 1.0).abs() < 0.01, "{factor}"),
         other => panic!("{other:?}"),
     }
-    let in_m = with(&|mut pose| {
-        pose.position.x *= 1e-3;
-        pose
-    });
     let text = |run: &Run| found(&arm, run).map(|misreading| misreading.to_string());
-    assert_eq!(text(&in_m).as_deref(), Some("x of the poses is 1000 times too small"));
+    for (factor, says) in [(1e-3, "1000 times too small"), (1e3, "1000 times too large"), (25.4, "25 times too large")]
+    {
+        let sized = with(&|mut pose| {
+            pose.position.x *= factor;
+            pose
+        });
+        assert_eq!(text(&sized), Some(format!("x of the poses is {says}")));
+    }
     let in_rad = with(&|pose| {
         let angle = rotation_log(&pose.rotation) / 1f64.to_degrees();
         Pose { rotation: rotation_exp(&angle), position: pose.position }
     });
-    assert_eq!(text(&in_rad).as_deref(), Some("each angle of the poses is 57 times too small"));
+    assert_eq!(text(&in_rad).as_deref(), Some("the angles of the poses are in rad, and read as deg"));
+}
+
+/// Divided by a thousand the error would be gone too, and so would what was measured.
+#[test]
+fn an_error_along_an_axis_that_the_arm_hardly_moves_along_is_no_unit() {
+    let (arm, mut rng) = (planar4(), ChaCha8Rng::seed_from_u64(7));
+    let (mut run, mut scratch) = (run(&arm, &mut rng), ArmScratch::default());
+    let words = (0..1 << 12).map(|bits: u32| word_of((0..12).map(|k| (bits >> k & 1) as u8)).unwrap());
+    let mut poses: Vec<(Word, Pose<f64>)> =
+        words.map(|word| (word, arm.model.predict(&arm.working_condition(word, &[]), &mut scratch).unwrap())).collect();
+    poses.sort_by(|a, b| a.1.position.y.total_cmp(&b.1.position.y));
+    let alike = &poses[(poses.len() - ROWS) / 2..];
+    for (sample, (word, pose)) in run.samples.iter_mut().zip(alike) {
+        (sample.word, sample.pose) = (*word, *pose);
+        sample.pose.position.y += rng.random_range(-0.5..0.5);
+    }
+    // A blunder.
+    run.samples[5].pose.position.y += 100.0;
+    assert_eq!(found(&arm, &run), None);
 }
 
 #[test]
