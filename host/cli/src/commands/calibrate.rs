@@ -146,7 +146,7 @@ impl Calibrate {
         Ok(Options { looks: self.looks.into(), goal_m, seed: self.seed, ..Options::default() })
     }
 
-    /// Refuses a source that is of no kind before a folder is made; a calibration that is complete needs none.
+    /// Refuses a source that is of no kind before a folder is made; a calibration that was begun may be complete and need none.
     fn check_source(&self) -> Result<(), Usage> {
         let poses = &self.poses;
         let is_address = poses == "sim" || ["tcp:", "unix:"].iter().any(|kind| poses.starts_with(kind));

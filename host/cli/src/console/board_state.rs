@@ -46,14 +46,16 @@ impl BoardState {
         }
     }
 
-    /// The status line: what it does, and its word where it does not move.
+    /// The status line: what it does, and its word where it does not move. It fits a terminal of 80 columns.
     pub(crate) fn line(&self) -> String {
         let word = self.status.word;
-        match self.status.phase {
-            Phase::Approaching { .. } | Phase::Playing { .. } => self.phase(),
-            _ if word.is_empty() => format!("{}, no table", self.phase()),
-            _ => format!("{}, word {word}", self.phase()),
-        }
+        let does = match self.status.phase {
+            Phase::Approaching { .. } | Phase::Playing { .. } => return self.phase(),
+            // The fault was printed when it came.
+            Phase::Safe(_) => "SAFE STATE".to_owned(),
+            Phase::Idle | Phase::Manual => self.phase(),
+        };
+        if word.is_empty() { format!("{does}, no table") } else { format!("{does}, word {word}") }
     }
 
     /// Values that may follow these words of a line.

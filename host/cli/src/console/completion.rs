@@ -103,11 +103,11 @@ impl Hinter for CommandHelper {
 }
 
 impl Highlighter for CommandHelper {
-    /// The state of now in place of that from before the line was begun. The editor counts on the place where a prompt ends: a
-    /// line before it stays a line.
-    fn highlight_prompt<'b, 's: 'b, 'p: 'b>(&'s self, prompt: &'p str, _: bool) -> Cow<'b, str> {
+    /// The state of now in place of that from before the line was begun; not in prompts of the editor itself, as that of a search.
+    /// The editor counts on the place where the prompt ends: a line before it stays a line.
+    fn highlight_prompt<'b, 's: 'b, 'p: 'b>(&'s self, prompt: &'p str, is_own: bool) -> Cow<'b, str> {
         let now = self.board.prompt();
-        if now.lines().count() == prompt.lines().count() { now.into() } else { prompt.into() }
+        if is_own && now.lines().count() == prompt.lines().count() { now.into() } else { prompt.into() }
     }
 
     fn highlight_hint<'h>(&self, hint: &'h str) -> Cow<'h, str> {
@@ -175,6 +175,7 @@ mod tests {
         playing.status.phase = Phase::Playing { started: Micros(0), next: 0 };
         board.set(Some(playing));
         assert_eq!(helper.highlight_prompt(&at_first, true), "[playing 3 rows]\n> ");
+        assert_eq!(helper.highlight_prompt("(reverse-i-search)`p':\n", false), "(reverse-i-search)`p':\n");
         board.set(None);
         assert_eq!(helper.highlight_prompt(&at_first, true), at_first);
     }

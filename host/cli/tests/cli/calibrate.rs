@@ -93,6 +93,9 @@ fn a_source_of_no_kind_is_refused_before_a_folder_is_made() {
                    program writes";
     home.fails(&format!("calibrate {arm} {frames} --poses foo"), 2, refused);
     assert!(!home.path("calibration").exists());
+    std::fs::create_dir(home.path("empty")).unwrap();
+    home.fails(&format!("calibrate {arm} {frames} --poses foo --folder empty"), 2, refused);
+    assert_eq!(home.path("empty").read_dir().unwrap().count(), 0);
 }
 
 #[test]

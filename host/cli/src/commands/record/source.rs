@@ -55,7 +55,7 @@ pub(crate) enum CameraError {
     },
     /// It sends nothing new.
     #[error(
-        "the newest measurement of the camera {camera} has time_s {newest_s:.3}, and now it is {now_s:.3}; let a program write it now, in Unix time"
+        "the newest measurement of the camera {camera} has time_s {newest_s:.3} s, and it is {now_s:.3} s Unix time; at most {CAMERA_DELAY_S} s may lie between: start the camera's program, or correct its clock"
     )]
     Old {
         /// As the user named it.
@@ -130,7 +130,7 @@ impl Camera {
             self.poll()?;
             let now_s = unix_now_s();
             match self.newest_s {
-                Some(newest_s) if now_s - newest_s < CAMERA_DELAY_S => return Ok(()),
+                Some(newest_s) if (now_s - newest_s).abs() < CAMERA_DELAY_S => return Ok(()),
                 _ if begin.elapsed() < FIRST_WITHIN => thread::sleep(POLL),
                 Some(newest_s) => return Err(CameraError::Old { camera: self.name.clone(), newest_s, now_s }),
                 None => return Err(CameraError::Silent { camera: self.name.clone() }),
