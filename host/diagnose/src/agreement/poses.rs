@@ -154,23 +154,24 @@ impl Comparison<'_> {
 
     /// Readings of one column of the poses in another unit, with their errors.
     fn of_units(&self, as_read: &ReadRows) -> Vec<(Misreading, f64)> {
-        let of_axis = |(k, axis): (usize, char)| {
-            let still = as_read.moved(|p| p[k] = 0.0);
-            let read = LENGTH_UNITS.into_iter().flat_map(|times| [times, 1.0 / times]).map(move |factor| {
-                let misreading = Misreading::ColumnScale { columns: vec![format!("{axis} of the poses")], factor };
-                (misreading, as_read.moved(|p| p[k] /= factor))
-            });
-            self.better_than(&still, read)
-        };
-        let turned = |turn: &dyn Fn(Vec3<f64>) -> Vec3<f64>| {
+        let turned = |times: f64| {
             as_read.with(|pose| Pose {
-                rotation: rotation_exp(&turn(rotation_log(&pose.rotation))),
+                rotation: rotation_exp(&(rotation_log(&pose.rotation) * times)),
                 position: pose.position,
             })
         };
-        let in_rad = turned(&|angle| angle * 1f64.to_degrees());
-        let angles = self.better_than(&turned(&|angle| angle * 0.0), [(Misreading::AnglesInRadians, in_rad)]);
-        self.axes().flat_map(of_axis).chain(angles).collect()
+        let in_rad = [(Misreading::AnglesInRadians, turned(1f64.to_degrees()))];
+        let angles = self.better_than(&turned(0.0), in_rad);
+        self.axes().flat_map(|(k, axis)| self.of_length_units(as_read, k, axis)).chain(angles).collect()
+    }
+
+    /// The same of an axis of the positions.
+    fn of_length_units(&self, as_read: &ReadRows, k: usize, axis: char) -> Vec<(Misreading, f64)> {
+        let read = LENGTH_UNITS.into_iter().flat_map(|times| [times, 1.0 / times]).map(|factor| {
+            let misreading = Misreading::ColumnScale { columns: vec![format!("{axis} of the poses")], factor };
+            (misreading, as_read.moved(|p| p[k] /= factor))
+        });
+        self.better_than(&as_read.moved(|p| p[k] = 0.0), read)
     }
 
     /// The readings that leave much less than poses in which this column does not change: dividing a column by much removes its
