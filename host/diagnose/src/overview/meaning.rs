@@ -54,7 +54,7 @@ const OTHERS: [(&str, &str); 33] = [
     ("fresh", "1 in rows with a new posture"),
 ];
 
-/// Quantities that a column can hold, with what they are; of joints the first [`MAX_JOINTS`].
+/// Quantities that a column can hold, with what they are; of joints the first 12.
 pub fn quantities() -> impl Iterator<Item = (String, String)> {
     let joint =
         |k: usize| NUMBERED.iter().map(move |(quantity, what)| (format!("{quantity}{k}"), format!("{what} {k}")));
