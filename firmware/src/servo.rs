@@ -116,19 +116,18 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
     /// The servo to visit next of those that wait, and what it is to do now.
     fn next_visit(&self, waiting: &mut [bool; MAX_SERVOS], joints: &Joints) -> Option<(usize, Option<Joint>)> {
         let waits = |index: &usize| waiting.get(*index) == Some(&true);
-        let mut left = (0..MAX_SERVOS).filter(waits);
-        let to_hold = |is_silent| left.clone().find(|index| self.is_to_hold(*index, is_silent, joints));
-        let next = to_hold(false).or_else(|| to_hold(true)).or_else(|| left.next())?;
+        let next = (0..MAX_SERVOS).filter(waits).min_by_key(|index| self.rank(*index, joints))?;
         *waiting.get_mut(next)? = false;
         Some((next, joints.get(next).copied().flatten()))
     }
 
-    /// Whether the servo goes to a target that it is to leave, one that answers or one that is silent.
-    fn is_to_hold(&self, index: usize, is_silent: bool, joints: &Joints) -> bool {
-        let written = self.written.get(index).copied().flatten();
-        let joint = joints.get(index).copied().flatten();
-        written.is_some_and(|last| goes(&last.joint) && last.is_silent == is_silent)
-            && !joint.is_some_and(|joint| goes(&joint))
+    /// 0 for a servo that goes to a target which it is to leave, 1 for a silent one, 2 for others.
+    fn rank(&self, index: usize, joints: &Joints) -> u8 {
+        let is_to_go = joints.get(index).copied().flatten().is_some_and(|joint| goes(&joint));
+        match self.written.get(index).copied().flatten() {
+            Some(last) if goes(&last.joint) && !is_to_go => u8::from(last.is_silent),
+            _ => 2,
+        }
     }
 
     /// Whether it does what was written last is not known: the next visit writes what it is to do. A position that is held is

@@ -99,8 +99,7 @@ impl Comparison<'_> {
     fn best(&self, as_read: &ReadRows, run: &Run, training: &[usize]) -> Option<(Misreading, f64)> {
         let mut all: Vec<(Misreading, ReadRows)> = self.of_poses(as_read);
         all.extend(self.of_words(as_read));
-        let judged = |(misreading, reading): (Misreading, ReadRows)| Some((misreading, self.error_m(&reading)?));
-        let mut tried: Vec<(Misreading, f64)> = all.into_iter().filter_map(judged).collect();
+        let mut tried: Vec<(Misreading, f64)> = self.judged(all).collect();
         tried.extend(self.out_of_step(as_read, run, training));
         tried.extend(self.other_size(as_read));
         tried.extend(self.of_units(as_read));
@@ -182,8 +181,15 @@ impl Comparison<'_> {
         readings: impl IntoIterator<Item = (Misreading, ReadRows)>,
     ) -> Vec<(Misreading, f64)> {
         let still_m = self.error_m(still).unwrap_or(0.0);
-        let judged = |(misreading, reading): (Misreading, ReadRows)| Some((misreading, self.error_m(&reading)?));
-        readings.into_iter().filter_map(judged).filter(|(_, error_m)| *error_m < MUCH_LESS * still_m).collect()
+        self.judged(readings).filter(|(_, error_m)| *error_m < MUCH_LESS * still_m).collect()
+    }
+
+    /// Readings with their errors, m.
+    fn judged(
+        &self,
+        readings: impl IntoIterator<Item = (Misreading, ReadRows)>,
+    ) -> impl Iterator<Item = (Misreading, f64)> {
+        readings.into_iter().filter_map(|(misreading, reading)| Some((misreading, self.error_m(&reading)?)))
     }
 
     /// The axes that the arm moves along, with their numbers.

@@ -108,7 +108,7 @@ fn dependences(selected: &SelectedPoses, residuals: &[f64]) -> (Vec<Dependence>,
             break;
         }
         let before = if frame == Frame::Base { &turned } else { &left };
-        let axis = main_axis(before, &taken.left, n_axes).map(|k| axis_name(observations.axes[k]).to_owned());
+        let axis = main_axis(before, &taken.left, &rows).map(|k| axis_name(observations.axes[k]).to_owned());
         left = if frame == Frame::Base { observations.in_tool(&taken.left) } else { taken.left };
         let Term { regressor, shape, kept, .. } = design.term;
         found.push(Dependence {
@@ -128,9 +128,9 @@ fn dependences(selected: &SelectedPoses, residuals: &[f64]) -> (Vec<Dependence>,
 }
 
 /// The axis that a term takes most of its squares from, in units of the noise.
-fn main_axis(before: &[f64], left: &[f64], n_axes: usize) -> Option<usize> {
-    let rows: Vec<usize> = (0..before.len() / n_axes).collect();
-    let square = |all: &[f64], axis| squares(&of_axis(all, n_axes, axis), &rows);
+fn main_axis(before: &[f64], left: &[f64], rows: &[usize]) -> Option<usize> {
+    let n_axes = before.len() / rows.len();
+    let square = |all: &[f64], axis| squares(&of_axis(all, n_axes, axis), rows);
     let taken: Vec<f64> = (0..n_axes).map(|axis| square(before, axis) - square(left, axis)).collect();
     let total: f64 = taken.iter().sum();
     taken.iter().position(|&of_axis| of_axis > MAIN_SHARE * total)
