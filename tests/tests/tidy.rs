@@ -1,4 +1,4 @@
-//! Rules of this workspace that a program can check: layers, lengths, first lines, words that do not belong.
+//! Rules of this workspace that a program can check: layers, first lines, words that do not belong.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;

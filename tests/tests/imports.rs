@@ -1,63 +1,12 @@
-//! Sizes that a reader can hold in mind: lines of files and functions, parameters, and no circles of imports among files.
+//! No circles: imports among files, and calls between a module and those inside it, run in one direction.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use darm_tests::{Source, assert_none, sources};
-use syn::spanned::Spanned as _;
 use syn::visit::{self, Visit};
-
-const MAX_FILE_LINES: usize = 400;
-const MAX_FUNCTION_LINES: usize = 60;
-const MAX_MEDIAN_LINES: usize = 9;
-const MAX_90TH_PERCENTILE_LINES: usize = 25;
-/// Without `self`; formulas of the core may take more.
-const MAX_PARAMETERS: usize = 5;
-/// Of the body of a closure with a name, between its first and its last line.
-const MAX_CLOSURE_LINES: usize = 5;
 
 fn parsed(source: &Source) -> syn::File {
     syn::parse_file(&source.text).unwrap_or_else(|error| panic!("{}: {error}", source.path))
-}
-
-/// How many values a parameter brings: those of a tuple count one by one, by its pattern and by its type.
-fn n_values(pattern: &syn::Pat, of: &syn::Type) -> usize {
-    let by_pattern = match pattern {
-        syn::Pat::Tuple(tuple) => tuple.elems.len(),
-        _ => 1,
-    };
-    let by_type = match of {
-        syn::Type::Tuple(tuple) => tuple.elems.len(),
-        _ => 1,
-    };
-    by_pattern.max(by_type)
-}
-
-/// A function with a body.
-struct Function {
-    file: String,
-    line: usize,
-    name: String,
-    lines: usize,
-    parameters: usize,
-}
-
-/// Functions of a source; those of its tests are left out.
-struct Functions<'a> {
-    file: &'a str,
-    found: Vec<Function>,
-}
-
-impl Functions<'_> {
-    fn add(&mut self, signature: &syn::Signature, body: &syn::Block) {
-        let (line, end) = (signature.span().start().line, body.span().end().line);
-        let values = signature.inputs.iter().map(|input| match input {
-            syn::FnArg::Receiver(_) => 0,
-            syn::FnArg::Typed(input) => n_values(&input.pat, &input.ty),
-        });
-        let parameters = values.sum();
-        let (file, name) = (self.file.into(), signature.ident.to_string());
-        self.found.push(Function { file, line, name, lines: end - line + 1, parameters });
-    }
 }
 
 fn is_of_tests(attributes: &[syn::Attribute]) -> bool {
@@ -66,112 +15,6 @@ fn is_of_tests(attributes: &[syn::Attribute]) -> bool {
         attribute.path().is_ident("test")
             || attribute.path().is_ident("cfg") && attribute.meta.require_list().is_ok_and(is_test)
     })
-}
-
-impl<'ast> Visit<'ast> for Functions<'_> {
-    fn visit_item_fn(&mut self, function: &'ast syn::ItemFn) {
-        if !is_of_tests(&function.attrs) {
-            self.add(&function.sig, &function.block);
-            visit::visit_item_fn(self, function);
-        }
-    }
-
-    fn visit_impl_item_fn(&mut self, function: &'ast syn::ImplItemFn) {
-        self.add(&function.sig, &function.block);
-        visit::visit_impl_item_fn(self, function);
-    }
-
-    fn visit_trait_item_fn(&mut self, function: &'ast syn::TraitItemFn) {
-        if let Some(body) = &function.default {
-            self.add(&function.sig, body);
-        }
-    }
-
-    fn visit_item_mod(&mut self, module: &'ast syn::ItemMod) {
-        if !is_of_tests(&module.attrs) {
-            visit::visit_item_mod(self, module);
-        }
-    }
-}
-
-#[test]
-fn no_file_is_too_long() {
-    let lines = sources().into_iter().map(|source| (source.text.lines().count(), source.path));
-    assert_none(lines.filter(|(n, _)| *n > MAX_FILE_LINES).map(|(n, path)| format!("{path}: {n} lines")));
-}
-
-#[test]
-fn functions_are_short_and_take_few_parameters() {
-    let mut all = Vec::new();
-    for source in sources().iter().filter(|source| !source.is_test()) {
-        let mut functions = Functions { file: &source.path, found: Vec::new() };
-        functions.visit_file(&parsed(source));
-        all.append(&mut functions.found);
-    }
-    let takes_too_many = |of: &Function| of.parameters > MAX_PARAMETERS && !of.file.starts_with("shared/src/");
-    let is_broken = |of: &&Function| of.lines > MAX_FUNCTION_LINES || takes_too_many(of);
-    let report = |of: &Function| {
-        format!("{}:{}: `{}` has {} lines and {} parameters", of.file, of.line, of.name, of.lines, of.parameters)
-    };
-    assert_none(all.iter().filter(is_broken).map(report));
-    let mut lines: Vec<usize> = all.iter().map(|of| of.lines).collect();
-    lines.sort_unstable();
-    let (median, high) = (lines[lines.len() / 2], lines[lines.len() * 9 / 10]);
-    assert!(lines.len() > 4000, "{} functions", lines.len());
-    assert!(median <= MAX_MEDIAN_LINES, "half of the functions have more than {median} lines");
-    assert!(high <= MAX_90TH_PERCENTILE_LINES, "a tenth of the functions have more than {high} lines");
-}
-
-/// The closures with a name in a source that are too long; those of its tests are left out.
-struct Closures<'a> {
-    file: &'a str,
-    too_long: Vec<String>,
-}
-
-impl<'ast> Visit<'ast> for Closures<'_> {
-    fn visit_local(&mut self, local: &'ast syn::Local) {
-        if let Some(init) = &local.init
-            && let syn::Expr::Closure(closure) = &*init.expr
-        {
-            let body = closure.body.span();
-            let lines = (body.end().line - body.start().line).saturating_sub(1);
-            if lines > MAX_CLOSURE_LINES {
-                let (line, name) = (local.span().start().line, name_of(&local.pat));
-                self.too_long.push(format!("{}:{line}: `{name}` has {lines} lines", self.file));
-            }
-        }
-        visit::visit_local(self, local);
-    }
-
-    fn visit_item_fn(&mut self, function: &'ast syn::ItemFn) {
-        if !is_of_tests(&function.attrs) {
-            visit::visit_item_fn(self, function);
-        }
-    }
-
-    fn visit_item_mod(&mut self, module: &'ast syn::ItemMod) {
-        if !is_of_tests(&module.attrs) {
-            visit::visit_item_mod(self, module);
-        }
-    }
-}
-
-/// The name that a pattern binds, without its type; empty of other patterns.
-fn name_of(pattern: &syn::Pat) -> String {
-    match pattern {
-        syn::Pat::Ident(of) => of.ident.to_string(),
-        syn::Pat::Type(of) => name_of(&of.pat),
-        _ => String::new(),
-    }
-}
-
-#[test]
-fn closures_with_a_name_are_short() {
-    assert_none(sources().iter().filter(|source| !source.is_test()).flat_map(|source| {
-        let mut closures = Closures { file: &source.path, too_long: Vec::new() };
-        closures.visit_file(&parsed(source));
-        closures.too_long
-    }));
 }
 
 /// A module by the names on its path.
