@@ -5,7 +5,9 @@ use std::{env, fs, io};
 use sha2::{Digest as _, Sha256};
 
 /// What an image is made of, from this folder; a PC has no boards.
-const SOURCES: [&str; 5] = ["src", "../shared/src", "../Cargo.toml", "../Cargo.lock", "boards"];
+const SOURCES: [&str; 6] = ["src", "../shared/src", "../Cargo.toml", "../Cargo.lock", "boards", "../memory.x"];
+/// Those that only the image of a chip is made of.
+const OF_CHIP: [&str; 2] = ["boards", "../memory.x"];
 /// The same of a published crate, which is outside of its workspace.
 const PUBLISHED: [&str; 2] = ["src", "Cargo.toml"];
 
@@ -22,7 +24,8 @@ fn build_id(folder: &Path) -> io::Result<[u8; 8]> {
     let mut files = Vec::new();
     let is_chip = env::var("CARGO_CFG_TARGET_OS").is_ok_and(|os| os == "none");
     let sources: &[&str] = if folder.join("../shared").is_dir() { &SOURCES } else { &PUBLISHED };
-    for source in sources.iter().filter(|source| is_chip || **source != "boards").map(|source| folder.join(source)) {
+    for source in sources.iter().filter(|source| is_chip || !OF_CHIP.contains(source)).map(|source| folder.join(source))
+    {
         println!("cargo:rerun-if-changed={}", source.display());
         collect(&source, &mut files)?;
     }

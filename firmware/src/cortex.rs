@@ -1,6 +1,6 @@
 //! What every board with a Cortex-M core does alike: it paints its stack, sleeps, and knows how much it uses of both.
 //!
-//! All code uses the main stack, in the memory that the board's `memory.x` gives it.
+//! All code uses the main stack, in the memory that the board's `board.x` gives it.
 
 use darm_core::wire::health::Health;
 

@@ -14,6 +14,7 @@ mod uploads;
 use darm_core::profile::{BUILT_IN, Profile};
 use darm_core::sequencer::{Command, CommandError, Phase};
 use darm_core::table::Table;
+use darm_core::table::nearest_search::NearestSearch;
 use darm_core::units::{DeviceId, Micros};
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{self, ANSWER, CrashRecord, Identity, Version};
@@ -27,7 +28,6 @@ use crate::clock::Clock;
 use crate::control::{Numbered, Order, Outcome, Shared};
 use crate::kept::{Kept, past};
 use crate::log::{EventLog, LogMemory};
-use crate::nearest::Room;
 use crate::servo::CYCLE;
 use crate::store::Store;
 pub(crate) use encode::encode;
@@ -105,7 +105,7 @@ pub struct Dispatcher<'s, 't, F: NorFlash, C> {
     old_links: [Option<u32>; OLD_LINKS],
     last: Option<Answered>,
     /// Where the nearest word is sought.
-    room: &'s mut Room,
+    room: &'s mut NearestSearch,
     /// The request that waits for it.
     pub(crate) sought: Option<Header>,
 }
@@ -126,7 +126,13 @@ pub type Frame = heapless::Vec<u8, MAX_FRAME>;
 impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
     /// A dispatcher that knows nothing yet; [`Dispatcher::open`] it before it answers.
     /// `log` is what memory has kept of the last events.
-    pub fn new(board: Board, clock: C, shared: &'s Shared<'t>, room: &'s mut Room, log: &'s mut LogMemory) -> Self {
+    pub fn new(
+        board: Board,
+        clock: C,
+        shared: &'s Shared<'t>,
+        room: &'s mut NearestSearch,
+        log: &'s mut LogMemory,
+    ) -> Self {
         Self {
             board,
             clock,

@@ -17,6 +17,7 @@ use core::pin::{Pin, pin};
 use darm_core::output::{MAX_LINES, MAX_SERVOS};
 use darm_core::profile::Profile;
 use darm_core::table::Table;
+use darm_core::table::nearest_search::NearestSearch;
 use darm_core::units::{DeviceId, Micros};
 use darm_core::wire::bootstrap::{CrashRecord, Identity, RebootTarget};
 use darm_core::wire::caps::Caps;
@@ -32,7 +33,6 @@ use crate::control::{Inputs, Shared};
 use crate::dispatch::{BUILD, Board, Dispatcher};
 use crate::kept::{Kept, forget_crashes};
 use crate::life::Pulse;
-use crate::nearest::Room;
 use crate::rescue;
 use crate::servo::Bus;
 use crate::solenoid::Chain;
@@ -119,7 +119,7 @@ pub fn caps<H: Hardware>() -> Caps {
 /// Memory of what the console task owns.
 pub struct ConsoleMemory<H: Hardware> {
     table: StaticCell<Table>,
-    room: StaticCell<Room>,
+    room: StaticCell<NearestSearch>,
     profile: StaticCell<Profile>,
     dispatcher: StaticCell<OnBoard<H>>,
 }
@@ -166,8 +166,8 @@ impl<H: Hardware> ConsoleMemory<H> {
     }
 
     #[inline(never)]
-    fn room(&'static self) -> &'static mut Room {
-        self.room.init_with(Room::default)
+    fn room(&'static self) -> &'static mut NearestSearch {
+        self.room.init_with(NearestSearch::default)
     }
 
     #[inline(never)]

@@ -15,7 +15,6 @@ pub mod kept;
 pub mod life;
 pub mod load;
 pub mod log;
-pub mod nearest;
 pub mod pipe;
 pub mod port;
 pub mod rescue;

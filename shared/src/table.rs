@@ -8,6 +8,7 @@
 mod checker;
 mod error;
 mod modules;
+pub mod nearest_search;
 
 use serde::{Deserialize, Serialize};
 

@@ -43,7 +43,7 @@ fn a_table_is_uploaded_and_played_by_the_pins() {
     wait("all coils off", || bench.follower.state().reached == words[0].with_digit(0, 0));
     let health = client.health().unwrap().unwrap();
     let stack = health.stack.unwrap();
-    // What `memory.x` gives, and the goal of `cargo xtask image --stack`.
+    // What `board.x` gives, and the goal of `cargo xtask image --stack`.
     assert!(stack.size == 14 * 1024 && (1024..=85 * stack.size / 100).contains(&stack.used), "{stack:?}");
     // The emulator is as fast as this machine, so that only the bounds are known.
     assert!(health.load_permille.is_some_and(|load| (1..1000).contains(&load)), "{health:?}");

@@ -17,7 +17,7 @@ use darm_device::qemu::{Console, Machine, Qemu};
 use darm_firmware::sparse_flash::{MAGIC, PAGE};
 use emulator::Ready;
 
-/// Where `memory.x` of the board puts the model of the flash.
+/// Where `board.x` of the board puts the model of the flash.
 const FLASH_MODEL: u32 = 0x1000_4000;
 const MODEL_BYTES: usize = 48 * 1024;
 

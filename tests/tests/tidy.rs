@@ -36,7 +36,7 @@ const CRATES: [(&str, &str, &[&str]); 19] = [
     ("darm-pico", "firmware/boards/pico", &["darm-core", "darm-firmware"]),
     ("darm-olimex-stm32-h405", "firmware/boards/olimex-stm32-h405", &["darm-core", "darm-firmware"]),
     ("darm-robot", "host/robot", &["darm-core"]),
-    ("darm-arm", "host/arm", &["darm-core", "darm-firmware", "darm-robot"]),
+    ("darm-arm", "host/arm", &["darm-core", "darm-robot"]),
     ("darm-device", "host/device", &["darm-arm", "darm-core", "darm-firmware"]),
     ("darm-diagnose", "host/diagnose", &["darm-arm", "darm-core", "darm-robot"]),
     ("darm-import", "host/import", &["darm-core", "darm-diagnose", "darm-robot"]),
@@ -251,6 +251,16 @@ fn every_board_is_named_where_images_are_built_and_flashed() {
     let unknown = folders.filter(|folder| !CRATES.iter().any(|(_, known, _)| known == folder));
     missing.extend(unknown.map(|folder| format!("`{folder}` is missing in the table of crates")));
     assert_none(missing);
+}
+
+/// The linker looks in the root of the workspace first: a `board.x` there would lay out every image as one board.
+#[test]
+fn each_board_has_its_memories_and_the_root_has_what_is_common() {
+    assert!(root().join("memory.x").is_file() && !root().join("board.x").exists());
+    for board in boards() {
+        let folder = root().join("firmware/boards").join(&board);
+        assert!(folder.join("board.x").is_file() && !folder.join("memory.x").exists(), "{board}");
+    }
 }
 
 /// Lines of a board's crate that are neither blank nor only a comment: build script and sources, without tests.

@@ -4,6 +4,7 @@ use core::future::pending;
 
 use darm_core::nearest::{Coordinates, Found};
 use darm_core::sequencer::CommandError;
+use darm_core::table::nearest_search;
 use darm_core::wire::bootstrap::ANSWER;
 use darm_core::wire::frame::Header;
 use darm_core::wire::message::{Answer, Refusal};
@@ -14,7 +15,6 @@ use super::encode::encode;
 use super::{Dispatcher, Frame};
 use crate::clock::Clock;
 use crate::control::{Order, Outcome};
-use crate::nearest;
 
 impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
     /// A word that brings the tool near a pose in the base, by the frames in the stored table. A stop ends the search.
@@ -40,7 +40,7 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
         };
         let store = self.store.as_mut().ok_or(Refusal::Storage)?;
         self.room.begin(&target.pose(), table.actuators.into());
-        store.records(|record| nearest::take(self.room, record)).await?;
+        store.records(|record| nearest_search::feed(self.room, record)).await?;
         self.room.found().map(|_| ()).ok_or(Refusal::NoFrames)
     }
 

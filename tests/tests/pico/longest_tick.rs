@@ -123,6 +123,6 @@ fn the_longest_control_tick_and_the_stack_keep_their_limits() {
     let load = reported.load_permille.unwrap();
     println!("FIGURE pico: load while a table is played = {} %", 0.1 * f64::from(load));
     assert!((50..900).contains(&load), "{load} permille");
-    // Of the 24 KiB that `memory.x` gives.
+    // Of the 24 KiB that `board.x` gives.
     assert!(measured.stack_bytes <= 85 * 24 * 1024 / 100, "{measured:?}");
 }

@@ -17,7 +17,7 @@ struct Memory {
     to: u64,
 }
 
-/// The memories of the STM32L475VG, as `memory.x` names them. The stack lies between the start of SRAM2 and `ABOVE`.
+/// The memories of the STM32L475VG, as `board.x` names them. The stack lies between the start of SRAM2 and `ABOVE`.
 fn memories(file: &object::File<'_>) -> Result<[Memory; 2]> {
     let stack = file.symbol_by_name("_stack_start").context("the image has no symbol _stack_start")?.address();
     Ok([

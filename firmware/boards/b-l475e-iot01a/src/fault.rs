@@ -21,7 +21,7 @@ fn panic(info: &PanicInfo) -> ! {
 }
 
 unsafe extern "C" {
-    /// Lowest address of the stack's memory, from `memory.x`.
+    /// Lowest address of the stack's memory, from `board.x`.
     static _stack_end: u32;
 }
 

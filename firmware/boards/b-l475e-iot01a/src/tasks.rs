@@ -19,6 +19,7 @@ use cortex_m::peripheral::NVIC;
 use darm_core::duty::DutyMeters;
 use darm_core::profile::Profile;
 use darm_core::table::Table;
+use darm_core::table::nearest_search::NearestSearch;
 use darm_core::units::Micros;
 use darm_core::wire::bootstrap::CrashRecord;
 use darm_firmware::clock::Clock;
@@ -27,7 +28,6 @@ use darm_firmware::crash;
 use darm_firmware::dispatch::Dispatcher;
 use darm_firmware::hardware::{self, Hardware as _, OnBoard};
 use darm_firmware::life::{Pulse, Start, Task};
-use darm_firmware::nearest::Room;
 use darm_firmware::servo::echo::Wire;
 use darm_firmware::tick::Ticker;
 use embassy_executor::InterruptExecutor;
@@ -47,13 +47,13 @@ static PULSES: [Pulse; Task::ALL.len()] = [const { Pulse::new() }; Task::ALL.len
 
 /// The large ones are built before the tasks run: a task that builds them needs their room on the stack for ever.
 static TABLE: StaticCell<Table> = StaticCell::new();
-static ROOM: StaticCell<Room> = StaticCell::new();
+static ROOM: StaticCell<NearestSearch> = StaticCell::new();
 static PROFILE: StaticCell<Profile> = StaticCell::new();
 /// How long each output has been on. Start-up code neither clears nor fills this section, so it outlives a reset, unless
 /// the option byte SRAM2_RST has it erased; each meter finds by its checksum whether it did.
 #[unsafe(link_section = ".above.USED")]
 static mut USED: MaybeUninit<DutyMeters> = MaybeUninit::uninit();
-/// In the memory that nothing clears at the start, see `memory.x`.
+/// In the memory that nothing clears at the start, see `board.x`.
 #[unsafe(link_section = ".above.TICKER")]
 static mut TICKER: MaybeUninit<Ticker<'static, BoardPins>> = MaybeUninit::uninit();
 /// In the same memory.
@@ -120,7 +120,7 @@ async fn servos() -> ! {
 
 /// What the console owns. Each of these is built in a separate call, so that no two need their stack at once.
 #[inline(never)]
-fn dispatcher(crash: Option<CrashRecord>, room: &'static mut Room) -> &'static mut OnBoard<Board> {
+fn dispatcher(crash: Option<CrashRecord>, room: &'static mut NearestSearch) -> &'static mut OnBoard<Board> {
     let dispatcher = &raw mut DISPATCHER;
     let board = hardware::describe::<Board>(crash);
     // SAFETY: nothing else refers to them, as this takes the room, which can be built once only.
@@ -129,8 +129,8 @@ fn dispatcher(crash: Option<CrashRecord>, room: &'static mut Room) -> &'static m
 
 /// The room for a search. Called once.
 #[inline(never)]
-pub fn room() -> &'static mut Room {
-    ROOM.init_with(Room::default)
+pub fn room() -> &'static mut NearestSearch {
+    ROOM.init_with(NearestSearch::default)
 }
 
 #[inline(never)]
@@ -166,7 +166,7 @@ fn start_control(pins: BoardPins) {
 ///
 /// A board that is held has the console alone, and its outputs disabled.
 #[inline(never)]
-pub fn start(crash: Option<CrashRecord>, start: Start, room: &'static mut Room) {
+pub fn start(crash: Option<CrashRecord>, start: Start, room: &'static mut NearestSearch) {
     // Before the dispatcher, which says how many lines there are. The pins keep the levels that they get here.
     let pins = BoardPins::new();
     let Ok(console) = console(dispatcher(crash, room), table(), profile(), start) else { twice() };

@@ -14,8 +14,8 @@ use darm_core::model::Condition;
 use darm_core::nearest::{Coordinates, Found, Frame, typical};
 use darm_core::se::{Pose, Twist};
 use darm_core::table::Record;
+use darm_core::table::nearest_search::{NearestSearch, feed};
 use darm_core::units::Word;
-use darm_firmware::nearest::{Room, take};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -74,13 +74,13 @@ pub fn records(arm: &Arm) -> Result<Vec<Record>, ReachError> {
 /// What the board answers by these records, of an arm with this many actuators: a word near `target`, `None` where they
 /// hold no frames for each of its digits.
 pub fn nearest(records: &[Record], actuators: usize, target: &Pose<f64>) -> Option<Found<f32>> {
-    let mut room = Box::<Room>::default();
-    room.begin(&target.cast(), actuators);
+    let mut search = Box::<NearestSearch>::default();
+    search.begin(&target.cast(), actuators);
     for record in records {
-        take(&mut room, record);
+        feed(&mut search, record);
     }
-    while room.step() {}
-    room.found()
+    while search.step() {}
+    search.found()
 }
 
 /// The arm with what moves the tool rigidly in its mount and its tool.

@@ -10,6 +10,7 @@ use std::task::Poll;
 use darm_core::duty::DutyMeters;
 use darm_core::profile::Profile;
 use darm_core::table::Table;
+use darm_core::table::nearest_search::NearestSearch;
 use darm_core::units::{DeviceId, Micros};
 use darm_core::wire::bootstrap::{Identity, RebootTarget};
 use darm_core::wire::caps::Caps;
@@ -21,7 +22,6 @@ use darm_firmware::dispatch::{BUILD, Board, Dispatcher};
 use darm_firmware::hardware;
 use darm_firmware::life::{Pulse, Task};
 use darm_firmware::log::LogMemory;
-use darm_firmware::nearest::Room;
 use darm_firmware::pipe::{Pipe, PipeReader, PipeWriter};
 use darm_firmware::servo::Bus;
 use darm_firmware::solenoid::{self, Chain};
@@ -195,7 +195,7 @@ pub(super) async fn run(wires: Rc<Wires>, flash: MemoryFlash, used: Rc<RefCell<D
 #[expect(clippy::await_holding_refcell_ref, reason = "one start at a time holds the meters, and ends with its future")]
 async fn run_on(flash: impl NorFlash, chip: Chip, wires: Rc<Wires>, used: Rc<RefCell<DutyMeters>>) -> RebootTarget {
     let mut table = Box::<Table>::default();
-    let mut room = Box::<Room>::default();
+    let mut room = Box::<NearestSearch>::default();
     let mut profile = Box::new(Profile::empty());
     let mut log = Box::<LogMemory>::default();
     let mut used = used.borrow_mut();

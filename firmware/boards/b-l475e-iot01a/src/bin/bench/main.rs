@@ -29,6 +29,7 @@ use darm_core::profile::Profile;
 use darm_core::real::Vec3;
 use darm_core::se::Pose;
 use darm_core::sequencer::{Command, ServoSeen};
+use darm_core::table::nearest_search::NearestSearch;
 use darm_core::table::{Record, Row};
 use darm_core::units::{Digest, Micros, ModelHash, Word};
 use darm_core::wire::PROTOCOL;
@@ -37,7 +38,6 @@ use darm_core::wire::message::{CHUNK, Image, ImageKind, REQUEST, Request};
 use darm_firmware::clock::Clock;
 use darm_firmware::cortex;
 use darm_firmware::life::Start;
-use darm_firmware::nearest::Room;
 use darm_firmware::stack::StackMemory;
 use darm_firmware::store::Store;
 use defmt_rtt as _;
@@ -68,7 +68,7 @@ const MODULED: usize = 12;
 const BYTES_PER_WAKE: usize = 6;
 const SERVO_RAD: f32 = 0.2;
 
-/// The recorded upload. The RAM that is cleared at the start has no room for it, see `memory.x`.
+/// The recorded upload. The RAM that is cleared at the start has no room for it, see `board.x`.
 #[unsafe(link_section = ".above.RECORDED")]
 static mut TABLE: MaybeUninit<Recorded> = MaybeUninit::uninit();
 
@@ -282,7 +282,7 @@ fn six_legs() -> Stage<f32> {
 
 /// The end frame of a word by look-ups, and the nearest word out of 64⁶ by the board's search.
 #[inline(never)]
-fn measure_nearest(room: &mut Room) {
+fn measure_nearest(room: &mut NearestSearch) {
     let (typical, target) = measure_look_up();
     measure_search(room, &typical, &target);
 }
@@ -299,12 +299,12 @@ fn measure_look_up() -> (Pose<f32>, Pose<f32>) {
     let mut target = None;
     let look_up = measure::instructions(|| target = nearest::pose_base_tool(&modules, &word));
     print("nearest", "end_frame_of_six_modules", look_up, "instructions");
-    print("nearest", "room", size_of::<Room>(), "bytes");
+    print("nearest", "room", size_of::<NearestSearch>(), "bytes");
     (module.typical, target.unwrap_or(one))
 }
 
 #[inline(never)]
-fn measure_search(room: &mut Room, typical: &Pose<f32>, target: &Pose<f32>) {
+fn measure_search(room: &mut NearestSearch, typical: &Pose<f32>, target: &Pose<f32>) {
     let (stage, one) = (six_legs(), Pose::identity());
     let (mut piece, mut beam) = (0, 0);
     room.begin(target, 6 * MODULES);
@@ -315,7 +315,7 @@ fn measure_search(room: &mut Room, typical: &Pose<f32>, target: &Pose<f32>) {
             (piece, beam) = (piece.max(count), beam + count);
         }
     }
-    let distance_mm = |room: &Room| room.found().map_or(-1.0, |found| 1e3 * found.distance_m);
+    let distance_mm = |room: &NearestSearch| room.found().map_or(-1.0, |found| 1e3 * found.distance_m);
     print("nearest", "a_frame_behind_all_choices", piece, "instructions");
     print("nearest", "beam_out_of_64^6", beam, "instructions");
     print("nearest", "beam_distance", distance_mm(room), "mm");

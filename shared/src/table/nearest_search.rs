@@ -2,10 +2,10 @@
 //!
 //! The frames of the modules are read from flash once, a few at a time, and kept small; then the search continues in
 //! pieces. Between them the console is heard and the other tasks of its priority run, and the control tick comes before
-//! all of them.
+//! all of them. The host runs the same search to say what the board will answer.
 
-use darm_core::nearest::{Frame, Search};
-use darm_core::table::Record;
+use super::Record;
+use crate::nearest::{Frame, Search};
 
 /// Choices that the beam keeps: each is tried with each frame of the next module.
 const BEAM: usize = 24;
@@ -14,16 +14,16 @@ const WIDTH: usize = 256;
 /// Frames of all modules, 64 for each of six.
 const FRAMES: usize = 384;
 
-/// The room for a search.
-pub type Room = Search<BEAM, WIDTH, FRAMES>;
+/// A search with the memory that a board has for it.
+pub type NearestSearch = Search<BEAM, WIDTH, FRAMES>;
 
-/// Takes the next record of the table, of a search that has begun; whether those after it matter.
-pub fn take(room: &mut Room, record: &Record) -> bool {
+/// Feeds a search that has begun with the next record of the table; whether those after it matter.
+pub fn feed(search: &mut NearestSearch, record: &Record) -> bool {
     match record {
         Record::Module { actuators, length_scale_m, behind } => {
-            room.module(*actuators, &behind.pose(), *length_scale_m);
+            search.module(*actuators, &behind.pose(), *length_scale_m);
         }
-        Record::Frame { digits, pose } => room.offer(&Frame { digits: *digits, pose: pose.pose() }),
+        Record::Frame { digits, pose } => search.offer(&Frame { digits: *digits, pose: pose.pose() }),
         _ => {}
     }
     !matches!(record, Record::Row(_) | Record::End { .. })
