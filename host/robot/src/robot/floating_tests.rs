@@ -9,6 +9,7 @@ use serde_json::Value;
 
 use super::tests::{golden, list, near, urdf};
 use super::{Dynamics, Motion, Robot, base_at_rest};
+use crate::assembly::Locks;
 use crate::dh;
 use crate::testing::puma560;
 
@@ -49,6 +50,27 @@ fn loads(equation: &Dynamics) -> DVector<f64> {
         6 + equation.torque.len(),
         load.moment.iter().chain(&load.force).chain(&equation.torque).copied(),
     )
+}
+
+/// Its mass matrix about the origin of the base, from mass, first moment and inertia (Featherstone, eq. 2.63).
+#[test]
+fn a_single_body_that_floats_has_its_own_mass_matrix() {
+    let text = "<robot name=\"one\"><link name=\"a\"><inertial><origin xyz=\"0.1 0 0\"/><mass value=\"2\"/>\
+                <inertia ixx=\"1\" iyy=\"2\" izz=\"3\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial></link></robot>";
+    let robot = Robot { floating: true, ..crate::urdf::parse("one.urdf".as_ref(), text, &Locks::default()).unwrap() };
+    let (base, state) = moving(&robot);
+    let (m, x) = (2.0, 0.1);
+    #[rustfmt::skip]
+    let expected = DMatrix::from_row_slice(6, 6, &[
+        1.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+        0.0, 2.0 + m * x * x, 0.0, 0.0, 0.0, -m * x,
+        0.0, 0.0, 3.0 + m * x * x, 0.0, m * x, 0.0,
+        0.0, 0.0, 0.0, m, 0.0, 0.0,
+        0.0, 0.0, m * x, 0.0, m, 0.0,
+        0.0, -m * x, 0.0, 0.0, 0.0, m,
+    ]);
+    let found = mass(&equation(&robot, &base, &state));
+    assert!((&found - &expected).amax() < 1e-14, "{found}");
 }
 
 #[test]

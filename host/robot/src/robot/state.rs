@@ -292,9 +292,12 @@ impl Placed {
         let (screws, n) = (self.links.base_screws(), self.coupling.len());
         let (moment, force) = halves(&screws.tr_mul(on_base));
         let in_base = |columns: &Jacobian| {
-            let columns = self.coupling.columns(&Jacobian::from_columns(
-                &columns.column_iter().map(|column| screws.tr_mul(&column)).collect::<Vec<_>>(),
-            ));
+            // Not `from_columns`, which wants one column at least: a single body has none.
+            let mut in_base = columns.clone();
+            for (index, column) in columns.column_iter().enumerate() {
+                in_base.set_column(index, &screws.tr_mul(&column));
+            }
+            let columns = self.coupling.columns(&in_base);
             DMatrix::from_iterator(6, n, columns.iter().copied())
         };
         let rates = self.tree.coriolis_matrix(&self.links, velocity, qd);
