@@ -17,6 +17,7 @@ use std::str::FromStr;
 
 use csv::{ErrorKind, StringRecord, Trim};
 
+use crate::files::Files;
 use crate::source::{Fault, FileError, Place, Source};
 
 /// The largest number that a cell may hold: no square of smaller ones overflows.
@@ -100,7 +101,7 @@ impl CsvTable {
     ///
     /// The file cannot be read; or as [`of_text`](Self::of_text).
     pub fn read(path: &Path) -> Result<Self, CsvError> {
-        let bytes = std::fs::read(path).map_err(|error| FileError::unreadable(path, error))?;
+        let bytes = Files::on_disk().read(path).map_err(|error| FileError::unreadable(path, error))?;
         let text = String::from_utf8(bytes).map_err(|error| {
             let at = error.utf8_error().valid_up_to();
             Source::of_text(path, &String::from_utf8_lossy(error.as_bytes())).wrong(at..at, CsvFault::Encoding)

@@ -1,8 +1,7 @@
 //! A robot from a file: XML, whose root element says whether it is URDF or MJCF, or a Denavit–Hartenberg table in TOML.
 
-use std::path::Path;
-
 use crate::dh::{self, TableError};
+use crate::files::FileRef;
 use crate::mjcf::{self, MjcfError};
 use crate::robot::Robot;
 use crate::shape::LinkShape;
@@ -40,17 +39,28 @@ impl From<DescriptionError> for FileError<String> {
 ///
 /// The file cannot be read, is neither URDF nor MJCF, describes no robot that is computed, or has no joint of a name in
 /// `locks`. The error names line and column.
-pub fn read(path: &Path, locks: &Locks) -> Result<Robot, DescriptionError> {
-    if path.extension().is_some_and(|end| end == "toml") {
+pub fn read<'a>(file: impl Into<FileRef<'a>>, locks: &Locks) -> Result<Robot, DescriptionError> {
+    let file = file.into();
+    let source = Source::read_lossy::<urdf::UrdfFault>(&file)?;
+    of_source(source, locks)
+}
+
+/// The same of what was read already.
+///
+/// # Errors
+///
+/// As [`read`].
+pub fn of_source(source: Source, locks: &Locks) -> Result<Robot, DescriptionError> {
+    // A damaged table is reported as a table: it is no XML in any case.
+    if !source.is_xml() && (dh::is_table(source.text()) || source.text().parse::<toml::Table>().is_ok()) {
         return match locks.keys().next() {
-            Some(joint) => Err(dh::locked(path, joint).into()),
-            None => Ok(dh::read(path)?),
+            Some(joint) => Err(dh::locked(source.path(), joint).into()),
+            None => Ok(dh::of_source(&source)?),
         };
     }
-    let source = Source::read_lossy::<urdf::UrdfFault>(path)?;
     match Document::parse(&source) {
-        Ok(document) if document.root().tag() == "mujoco" => Ok(mjcf::parse(path, source.text(), locks)?),
-        _ => Ok(urdf::parse(path, source.text(), locks)?),
+        Ok(document) if document.root().tag() == "mujoco" => Ok(mjcf::of_source(source, locks)?),
+        _ => Ok(urdf::of_source(&source, locks)?),
     }
 }
 
@@ -59,11 +69,12 @@ pub fn read(path: &Path, locks: &Locks) -> Result<Robot, DescriptionError> {
 /// # Errors
 ///
 /// The file, or a file of a mesh, cannot be read; or a shape has no size above 0 or is of a kind that is not read.
-pub fn read_shapes(path: &Path) -> Result<Vec<LinkShape>, DescriptionError> {
-    let source = Source::read_lossy::<urdf::UrdfFault>(path)?;
+pub fn read_shapes<'a>(file: impl Into<FileRef<'a>>) -> Result<Vec<LinkShape>, DescriptionError> {
+    let file = file.into();
+    let source = Source::read_lossy::<urdf::UrdfFault>(&file)?;
     match Document::parse(&source) {
-        Ok(document) if document.root().tag() == "mujoco" => Ok(mjcf::parse_shapes(path, source.text())?),
-        _ => Ok(urdf::parse_shapes(path, source.text())?),
+        Ok(document) if document.root().tag() == "mujoco" => Ok(mjcf::shapes_of(source)?),
+        _ => Ok(urdf::shapes_of(&source)?),
     }
 }
 

@@ -133,7 +133,7 @@ pub fn is_table(text: &str) -> bool {
 ///
 /// The file cannot be read; or as [`parse`].
 pub fn read(path: &Path) -> Result<Robot, TableError> {
-    robot(&Source::read(path)?)
+    of_source(&Source::read(path)?)
 }
 
 /// The arm that `text` describes; `path` only serves messages.
@@ -143,10 +143,11 @@ pub fn read(path: &Path) -> Result<Robot, TableError> {
 /// The text is not TOML of this format, has no row, or a row has limits, a mass or moments of inertia that cannot be.
 /// The error names line and column.
 pub fn parse(path: &Path, text: &str) -> Result<Robot, TableError> {
-    robot(&Source::of_text(path, text))
+    of_source(&Source::of_text(path, text))
 }
 
-fn robot(source: &Source) -> Result<Robot, TableError> {
+/// The arm of what was read already.
+pub(crate) fn of_source(source: &Source) -> Result<Robot, TableError> {
     let raw: RawTable = source.parse()?;
     if *raw.format.get_ref() != FORMAT {
         return Err(source.wrong(raw.format.span(), TableFault::Format { found: *raw.format.get_ref() }));

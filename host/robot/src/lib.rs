@@ -4,6 +4,7 @@ mod assembly;
 pub mod csv_table;
 pub mod description;
 pub mod dh;
+pub mod files;
 pub mod ik;
 pub mod literal;
 mod mesh_file;

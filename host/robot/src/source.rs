@@ -8,8 +8,11 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
-/// A file in memory.
+use crate::files::{FileRef, Files};
+
+/// A file in memory, and the files that it can name.
 pub struct Source {
+    files: Files,
     path: PathBuf,
     text: String,
 }
@@ -52,11 +55,16 @@ impl Source {
     ///
     /// # Errors
     ///
-    /// [`Fault::Read`]: the file cannot be read, or is not UTF-8.
-    pub fn read<F>(path: &Path) -> Result<Self, FileError<F>> {
-        match std::fs::read_to_string(path) {
-            Ok(text) => Ok(Self { path: path.into(), text }),
-            Err(error) => Err(FileError::unreadable(path, error)),
+    /// [`Fault::Read`]: the file cannot be read, is larger than the text of a model may be, or is not UTF-8.
+    pub fn read<'a, F>(file: impl Into<FileRef<'a>>) -> Result<Self, FileError<F>> {
+        let file = file.into();
+        let text = model_bytes(&file).and_then(|bytes| {
+            let not_utf8 = |_| io::Error::new(io::ErrorKind::InvalidData, "stream did not contain valid UTF-8");
+            String::from_utf8(bytes).map_err(not_utf8)
+        });
+        match text {
+            Ok(text) => Ok(Self { path: file.path.into(), text, files: file.files }),
+            Err(error) => Err(FileError::unreadable(file.path, error)),
         }
     }
 
@@ -64,17 +72,21 @@ impl Source {
     ///
     /// # Errors
     ///
-    /// [`Fault::Read`]: the file cannot be read.
-    pub fn read_lossy<F>(path: &Path) -> Result<Self, FileError<F>> {
-        match std::fs::read(path) {
-            Ok(bytes) => Ok(Self::of_text(path, &String::from_utf8_lossy(&bytes))),
-            Err(error) => Err(FileError::unreadable(path, error)),
+    /// [`Fault::Read`]: the file cannot be read, or is larger than the text of a model may be.
+    pub fn read_lossy<'a, F>(file: impl Into<FileRef<'a>>) -> Result<Self, FileError<F>> {
+        let file = file.into();
+        match model_bytes(&file) {
+            Ok(bytes) => {
+                let text = String::from_utf8_lossy(&bytes).into_owned();
+                Ok(Self { path: file.path.into(), text, files: file.files })
+            }
+            Err(error) => Err(FileError::unreadable(file.path, error)),
         }
     }
 
-    /// A text, under the path that errors shall name.
+    /// A text, under the path that errors shall name. The files that it names are those of the disk.
     pub fn of_text(path: &Path, text: &str) -> Self {
-        Self { path: path.into(), text: text.into() }
+        Self { path: path.into(), text: text.into(), files: Files::on_disk() }
     }
 
     /// The file as a value of TOML.
@@ -92,6 +104,21 @@ impl Source {
     /// A path that the file names: relative to the folder of the file.
     pub fn companion(&self, named: &str) -> PathBuf {
         self.path.parent().unwrap_or(Path::new("")).join(named)
+    }
+
+    /// The files that it can name.
+    pub fn files(&self) -> &Files {
+        &self.files
+    }
+
+    /// Its path.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Whether it is XML, and no TOML: by its first character.
+    pub fn is_xml(&self) -> bool {
+        self.text.trim_start_matches('\u{feff}').trim_start().starts_with('<')
     }
 
     /// The complete text.
@@ -120,6 +147,13 @@ impl Source {
         let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
         Place { line: before.matches('\n').count() + 1, column: before[line_start..].chars().count() + 1 }
     }
+}
+
+/// The bytes of the text of a model.
+fn model_bytes(file: &FileRef<'_>) -> io::Result<Vec<u8>> {
+    let (bytes, max) = (file.bytes()?, file.files.limits().model_bytes);
+    let text = || format!("the text of a model has at most {} MiB", max >> 20);
+    if bytes.len() as u64 > max { Err(io::Error::other(text())) } else { Ok(bytes) }
 }
 
 /// A number that is neither infinite nor NaN, both of which TOML can write.

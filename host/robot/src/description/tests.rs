@@ -7,6 +7,8 @@ use serde_json::Value;
 
 use darm_core::real::Vec3;
 
+use std::path::Path;
+
 use super::*;
 use crate::robot::Motion;
 use crate::shape::Geometry;

@@ -1,8 +1,9 @@
 //! The files of a model: the one that is read, and those that it includes, whose elements stand in place of `<include>`.
 
 use std::collections::HashMap;
+use std::io;
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::fault::{MjcfFault, Wrong};
 use crate::source::{Fault, FileError, Source};
@@ -33,6 +34,7 @@ impl Files {
             |source: &Source, wrong: crate::xml::NotXml| source.error(Some(wrong.span), Fault::Syntax(wrong.reason));
         let document = Document::parse(&source).map_err(|wrong| not_xml(&source, wrong))?;
         let mut all = Self { files: vec![(source, document)], included: HashMap::new() };
+        let mut n_bytes = all.files[0].0.text().len() as u64;
         let mut file = 0;
         while file < all.files.len() {
             for (span, name) in includes(all.files[file].1.root()) {
@@ -44,7 +46,16 @@ impl Files {
                 if all.files.len() >= MAX_FILES {
                     return Err(failed("more than 1000 files include each other; remove an <include>".into()));
                 }
-                let next = Source::read_lossy::<MjcfFault>(&path).map_err(|error| failed(error.fault.to_string()))?;
+                let named = source.files().file(&path);
+                let next = Source::read_lossy::<MjcfFault>(named).map_err(|error| failed(error.fault.to_string()))?;
+                // A file may be included many times, and each time takes memory.
+                n_bytes += next.text().len() as u64;
+                if n_bytes > source.files().limits().model_bytes {
+                    let max = source.files().limits().model_bytes >> 20;
+                    return Err(failed(format!(
+                        "the model has more than {max} MiB with what it includes; include less"
+                    )));
+                }
                 let document = Document::parse(&next).map_err(|wrong| not_xml(&next, wrong))?;
                 all.included.insert((file, span.start), all.files.len());
                 all.files.push((next, document));
@@ -61,6 +72,11 @@ impl Files {
     /// A path that the model names.
     pub(super) fn path(&self, named: &str) -> PathBuf {
         self.files[0].0.companion(named)
+    }
+
+    /// The bytes of a file that the model names.
+    pub(super) fn bytes(&self, path: &Path) -> io::Result<Vec<u8>> {
+        self.files[0].0.files().read(path)
     }
 
     /// The error with the place of what is wrong.

@@ -101,7 +101,7 @@ impl<'a> Meshes<'a> {
         let named = PathBuf::from(file.value.replace('\\', "/"));
         let named = if settings.strip_path { named.file_name().map_or(PathBuf::new(), PathBuf::from) } else { named };
         let path = self.files.path(&PathBuf::from(&settings.mesh_folder).join(named).to_string_lossy());
-        let read = std::fs::read(&path).map_err(|error| unreadable(&error));
+        let read = self.files.bytes(&path).map_err(|error| unreadable(&error));
         read.and_then(|bytes| parse(&path, &bytes)).map_err(|reason| {
             let fault = MjcfFault::File { path: path.display().to_string(), reason };
             Wrong { span: file.span.clone(), ..mesh.wrong(fault) }

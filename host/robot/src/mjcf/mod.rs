@@ -54,7 +54,7 @@ pub type MjcfError = FileError<MjcfFault>;
 ///
 /// The file cannot be read; or as [`parse`].
 pub fn read(path: &Path, locks: &Locks) -> Result<Robot, MjcfError> {
-    robot(Source::read_lossy(path)?, locks)
+    of_source(Source::read_lossy(path)?, locks)
 }
 
 /// The robot that `text` describes; `path` serves messages, and its folder what the text includes.
@@ -65,7 +65,7 @@ pub fn read(path: &Path, locks: &Locks) -> Result<Robot, MjcfError> {
 /// not computed, or a name or number that cannot be; or `locks` names a joint that it does not have. The error names
 /// file, line and column.
 pub fn parse(path: &Path, text: &str, locks: &Locks) -> Result<Robot, MjcfError> {
-    robot(Source::of_text(path, text), locks)
+    of_source(Source::of_text(path, text), locks)
 }
 
 /// The shapes that collide in the model that `text` describes; `path` as in [`parse`].
@@ -74,11 +74,17 @@ pub fn parse(path: &Path, text: &str, locks: &Locks) -> Result<Robot, MjcfError>
 ///
 /// The text is not MJCF, a file that it includes or a mesh cannot be read, or a shape has a size that cannot be.
 pub fn parse_shapes(path: &Path, text: &str) -> Result<Vec<LinkShape>, MjcfError> {
-    let files = files::Files::read(Source::of_text(path, text))?;
+    shapes_of(Source::of_text(path, text))
+}
+
+/// The shapes that collide in what was read already.
+pub(crate) fn shapes_of(source: Source) -> Result<Vec<LinkShape>, MjcfError> {
+    let files = files::Files::read(source)?;
     collision::shapes(&files).map_err(|wrong| files.error(wrong))
 }
 
-fn robot(source: Source, locks: &Locks) -> Result<Robot, MjcfError> {
+/// The robot of what was read already.
+pub(crate) fn of_source(source: Source, locks: &Locks) -> Result<Robot, MjcfError> {
     let files = files::Files::read(source)?;
     build::robot(&files, locks).map_err(|wrong| files.error(wrong))
 }

@@ -13,6 +13,7 @@ use std::path::Path;
 use darm_core::real::{Mat3, Vec3};
 use darm_core::tree::Inertia;
 
+use crate::files::Files;
 use crate::mesh_file;
 use crate::source::unreadable;
 
@@ -126,7 +127,7 @@ impl Solid {
     /// The file cannot be read, is not a mesh of a known type, or its triangles enclose no volume.
     pub fn read(path: &Path, scale: f64) -> Result<Self, SolidError> {
         let shown = || path.display().to_string();
-        let read = std::fs::read(path).map_err(|error| unreadable(&error));
+        let read = Files::on_disk().read(path).map_err(|error| unreadable(&error));
         let surface = read.and_then(|bytes| mesh_file::parse(path, &bytes));
         let surface = surface.map_err(|reason| SolidError::File { path: shown(), reason })?;
         let triangles: Vec<_> = surface.triangles().map(|face| face.map(|corner| corner * scale)).collect();

@@ -52,7 +52,7 @@ fn above_zero(element: Element<'_>, attribute: &'static str, value: f64) -> Resu
 fn corners(element: Element<'_>, source: &Source) -> Result<Vec<Vec3<f64>>, Wrong> {
     let path = path(required(element, "filename")?, source);
     let scale = Vec3::from(numbers(element, "scale", [1.0; 3])?);
-    let read = std::fs::read(&path).map_err(|error| unreadable(&error));
+    let read = source.files().read(&path).map_err(|error| unreadable(&error));
     let surface = read.and_then(|bytes| mesh_file::parse(&path, &bytes)).map_err(|reason| {
         let span = element.attribute("filename").map_or_else(|| element.span(), |attribute| attribute.span.clone());
         (span, UrdfFault::Mesh { path: path.display().to_string(), reason })
@@ -67,7 +67,10 @@ fn path(named: &str, source: &Source) -> PathBuf {
     };
     let companion = source.companion(in_package);
     let inside = in_package.split_once('/').map_or(in_package, |(_, path)| path);
-    let above = source.companion(".").canonicalize().unwrap_or_default();
+    let above = match source.files().is_disk() {
+        true => source.companion(".").canonicalize().unwrap_or_default(),
+        false => source.companion(""),
+    };
     let found = above.ancestors().flat_map(|folder| [folder.join(in_package), folder.join(inside)]);
-    found.into_iter().find(|path| path.is_file()).unwrap_or(companion)
+    found.into_iter().find(|path| source.files().has(path)).unwrap_or(companion)
 }

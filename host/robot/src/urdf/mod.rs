@@ -41,7 +41,7 @@ pub type UrdfError = FileError<UrdfFault>;
 ///
 /// The file cannot be read; or as [`parse`].
 pub fn read(path: &Path, locks: &Locks) -> Result<Robot, UrdfError> {
-    robot(&Source::read_lossy(path)?, locks)
+    of_source(&Source::read_lossy(path)?, locks)
 }
 
 /// The robot that `text` describes; `path` only serves messages.
@@ -51,7 +51,7 @@ pub fn read(path: &Path, locks: &Locks) -> Result<Robot, UrdfError> {
 /// The text is not XML of a URDF; its links and joints do not form one tree, a name or number cannot be, or something
 /// is missing; or `locks` names a joint that it does not have. The error names line and column.
 pub fn parse(path: &Path, text: &str, locks: &Locks) -> Result<Robot, UrdfError> {
-    robot(&Source::of_text(path, text), locks)
+    of_source(&Source::of_text(path, text), locks)
 }
 
 /// The shapes that collide in the URDF that `text` is; `path` serves messages, and its folder the files of meshes.
@@ -61,11 +61,16 @@ pub fn parse(path: &Path, text: &str, locks: &Locks) -> Result<Robot, UrdfError>
 /// The text is not XML of a URDF, the file of a mesh cannot be read, or a shape is missing or has a size that is not
 /// above 0.
 pub fn parse_shapes(path: &Path, text: &str) -> Result<Vec<LinkShape>, UrdfError> {
-    let source = Source::of_text(path, text);
-    collision::shapes(document(&source)?.root(), &source).map_err(|(span, fault)| source.wrong(span, fault))
+    shapes_of(&Source::of_text(path, text))
 }
 
-fn robot(source: &Source, locks: &Locks) -> Result<Robot, UrdfError> {
+/// The shapes that collide in what was read already.
+pub(crate) fn shapes_of(source: &Source) -> Result<Vec<LinkShape>, UrdfError> {
+    collision::shapes(document(source)?.root(), source).map_err(|(span, fault)| source.wrong(span, fault))
+}
+
+/// The robot of what was read already.
+pub(crate) fn of_source(source: &Source, locks: &Locks) -> Result<Robot, UrdfError> {
     build::robot(document(source)?.root(), locks).map_err(|(span, fault)| source.wrong(span, fault))
 }
 
