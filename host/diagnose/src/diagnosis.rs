@@ -10,8 +10,6 @@
 //! the noise. The levels of all tests are in [`significance`](crate::select::significance). Rows that are held out are seen
 //! by no fit before the errors on them are reported.
 
-use std::path::Path;
-
 use crate::agreement::{self, Agreement};
 use crate::correction::{ArmCorrection, Outcome, SignalCorrection};
 use crate::error::{DiagnoseError, MIN_WORDS};
@@ -37,6 +35,7 @@ use crate::select::forward::{Selection, forward_selection};
 use crate::select::significance::Levels;
 use crate::select::tool_pose::ToolPoses;
 use darm_arm::arm::{Arm, ArmScratch};
+use darm_robot::files::FileRef;
 
 mod search;
 
@@ -169,9 +168,9 @@ fn scatter(arm: &Arm, run: &Run) -> Result<Noise, NoPose> {
 /// # Errors
 ///
 /// A table that cannot be read, or that gives no experiment.
-pub fn diagnose_file(
+pub fn diagnose_file<'a>(
     model: &Model,
-    data: &Path,
+    data: impl Into<FileRef<'a>>,
     names: &Names,
     options: &SignalOptions,
 ) -> Result<Outcome<SignalCorrection>, DiagnoseError> {

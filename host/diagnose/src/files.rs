@@ -4,6 +4,8 @@ use std::path::Path;
 
 use darm_arm::arm::{Arm, ArmError};
 
+use darm_robot::files::FileRef;
+
 use crate::correction::{ArmCorrection, Keep, SignalCorrection};
 use crate::diagnosis::{Options, SignalOptions, diagnose, diagnose_file};
 use crate::error::DiagnoseError;
@@ -16,12 +18,12 @@ use crate::model_file::{LockedJoint, ModelFile};
 use crate::outcome::Diagnosis;
 
 /// A model and measurements of what it describes.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Files<'a> {
     /// The file of the model: an arm file, a robot's file, or a TOML file that names its kind.
-    pub model: &'a Path,
+    pub model: FileRef<'a>,
     /// The measurements: CSV, compressed or not, or MCAP.
-    pub data: &'a Path,
+    pub data: FileRef<'a>,
 }
 
 /// What the file of a model describes.
@@ -89,10 +91,11 @@ impl Subject {
     /// # Errors
     ///
     /// The file cannot be read, or describes no model.
-    pub fn read(path: &Path) -> Result<Self, FilesError> {
-        Ok(match Model::read(path)? {
+    pub fn read<'a>(file: impl Into<FileRef<'a>>) -> Result<Self, FilesError> {
+        let file = file.into();
+        Ok(match Model::read(&file)? {
             Some(model) => Self::Signals(Box::new(model), Vec::new()),
-            None => Self::Arm(Box::new(Arm::read(path)?)),
+            None => Self::Arm(Box::new(Arm::read(&file)?)),
         })
     }
 }
@@ -111,19 +114,19 @@ impl Files<'_> {
     }
 
     fn signals(self, model: &Model, locked: &[LockedJoint], how: &FileOptions) -> Result<FileDiagnosis, FilesError> {
-        let found = diagnose_file(model, self.data, &how.names, &how.rows);
+        let found = diagnose_file(model, &self.data, &how.names, &how.rows);
         let found = found.map_err(|error| self.in_data(error))?;
-        let file = ModelFile::read(self.model, found.diagnosis.kind)?.with_locked(locked);
+        let file = ModelFile::read(&self.model, found.diagnosis.kind)?.with_locked(locked);
         Ok(FileDiagnosis { diagnosis: found.diagnosis, correction: Correction::Signals(file, found.correction) })
     }
 
     fn poses(self, arm: Arm, how: &FileOptions) -> Result<FileDiagnosis, FilesError> {
         let rows = &how.rows;
         let which = Which { keep: rows.preparation.keep.clone(), hold_out: rows.preparation.hold_out.clone() };
-        let (run, read) = poses::read(self.data, &how.names, &which)?;
-        let origin = match Origin::find(&about(self.data)?) {
+        let (run, read) = poses::read(&self.data, &how.names, &which)?;
+        let origin = match Origin::find(&about(&self.data)?) {
             Some(origin) if !how.accepts_other_model && !origin.fits(&arm) => {
-                return Err(origin.refusal(self.data, self.model, &arm).into());
+                return Err(origin.refusal(self.data.path, self.model.path, &arm).into());
             }
             origin => origin.and_then(|origin| origin.finding(&arm)),
         };
@@ -139,8 +142,8 @@ impl Files<'_> {
         Ok(FileDiagnosis { diagnosis, correction: Correction::Arm(Box::new((arm, run, found.correction))) })
     }
 
-    fn in_data(self, error: DiagnoseError) -> FilesError {
-        let file = self.data.display();
+    fn in_data(&self, error: DiagnoseError) -> FilesError {
+        let file = self.data.path.display();
         let place = error.line().map_or(file.to_string(), |line| format!("{file}:{line}"));
         FilesError::Diagnose { place, source: error }
     }
@@ -170,6 +173,20 @@ impl FileDiagnosis {
                 None => None,
             },
         })
+    }
+
+    /// The same as a text, for a file beside that of the model, with its number.
+    pub fn corrected_text(&self, keep: Keep) -> Option<(u64, String)> {
+        match &self.correction {
+            Correction::Arm(_) => {
+                let arm = self.corrected_arm(keep)?;
+                Some((arm.model.number.into(), arm.to_toml()))
+            }
+            Correction::Signals(file, correction) => {
+                let model = correction.corrected(file, &self.diagnosis, keep)?;
+                Some((model.number(), model.text()))
+            }
+        }
     }
 
     /// The arm that was diagnosed; `None` of another model.

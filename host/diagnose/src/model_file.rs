@@ -2,9 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::linearise::model::{ModelError, is_robot_file};
+use crate::linearise::model::{ModelError, is_robot};
 use crate::linearise::model_effects::ModelEffect;
 use crate::measured::Measured;
+use darm_robot::files::FileRef;
 use darm_robot::source::Source;
 
 /// A joint of a model that does not move: its name, and its position in deg or mm.
@@ -31,14 +32,16 @@ impl ModelFile {
     /// # Errors
     ///
     /// A file that cannot be read, or that is not TOML.
-    pub fn read(path: &Path, kind: Measured) -> Result<Self, ModelError> {
-        let keys = if is_robot_file(path) {
+    pub fn read<'a>(file: impl Into<FileRef<'a>>, kind: Measured) -> Result<Self, ModelError> {
+        let file = file.into();
+        let path = file.path;
+        let keys = if is_robot(&Source::read_lossy::<String>(&file)?) {
             let observed = if kind == Measured::ContactWrench { "wrench" } else { "torque" };
             let own = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
             let keys = [("kind", "robot".to_string()), ("urdf", own), ("observed", observed.into())];
             keys.map(|(key, value)| (key.to_string(), toml::Value::String(value))).into_iter().collect()
         } else {
-            Source::read(path)?.parse()?
+            Source::read(&file)?.parse()?
         };
         Ok(Self { path: path.into(), keys })
     }
@@ -73,12 +76,16 @@ impl ModelFile {
         next
     }
 
+    /// The text of the file of the model, where it lies beside the one that was read.
+    pub fn text(&self) -> String {
+        text_of(&self.keys)
+    }
+
     /// Writes the file of the model; the robot's file that it names stays where it is.
     ///
     /// # Errors
     ///
     /// The robot's file is not there, or the output cannot be written.
-    #[expect(clippy::missing_panics_doc, reason = "keys that were read can be written")]
     pub fn write(&self, output: &Path) -> Result<(), ModelError> {
         let mut keys = self.keys.clone();
         if let Some(toml::Value::String(urdf)) = keys.get_mut("urdf")
@@ -88,9 +95,12 @@ impl ModelFile {
             let absolute = path.canonicalize().map_err(|error| ModelError::unreadable(&path, error))?;
             *urdf = absolute.display().to_string();
         }
-        let text = toml::to_string(&keys).expect("keys that were read can be written");
-        std::fs::write(output, text).map_err(|error| ModelError::unwritable(output, error))
+        std::fs::write(output, text_of(&keys)).map_err(|error| ModelError::unwritable(output, error))
     }
+}
+
+fn text_of(keys: &toml::Table) -> String {
+    toml::to_string(keys).expect("keys that were read can be written")
 }
 
 /// The folder of a file; none of one that is not there.

@@ -21,6 +21,7 @@ use crate::prepare::sampling::{Clock, Sampling, usual_step_s};
 use crate::prepare::signals::{MAX_STEP, Preparation, Prepared};
 pub use crate::prepare::table_findings::UnitDoubt;
 use crate::prepare::table_findings::units;
+use darm_robot::files::FileRef;
 pub use kinds::Possible;
 pub use meaning::quantities;
 
@@ -129,8 +130,8 @@ struct Rows {
 /// # Errors
 ///
 /// The file is not a table of measurements, or `how` names a column that it does not have.
-pub fn overview(path: &Path, names: &Names, how: &Preparation) -> Result<Overview, DiagnoseError> {
-    let (table, mut findings) = Table::read(path, names)?;
+pub fn overview<'a>(file: impl Into<FileRef<'a>>, names: &Names, how: &Preparation) -> Result<Overview, DiagnoseError> {
+    let (table, mut findings) = Table::read(file, names)?;
     let unread = if table.quantity("word").is_some() { unread(&table) } else { Vec::new() };
     let mut columns: Vec<ColumnOverview> = table.columns.iter().map(|column| self::column(&table, column)).collect();
     for column in &mut columns {

@@ -16,7 +16,8 @@ fn example(name: &str) -> PathBuf {
 
 fn diagnose(model: &Path, data: &Path, progress: &Progress) -> Result<FileDiagnosis, FilesError> {
     let rows = SignalOptions { seed: 1, progress: progress.clone(), ..SignalOptions::default() };
-    Files { model, data }.diagnose(Subject::read(model)?, &FileOptions { rows, ..FileOptions::default() })
+    Files { model: model.into(), data: data.into() }
+        .diagnose(Subject::read(model)?, &FileOptions { rows, ..FileOptions::default() })
 }
 
 #[test]

@@ -15,6 +15,7 @@ use crate::recording::{Column, Part, is_missing};
 use crate::time_stamp;
 use crate::unit::{self, Unit};
 use darm_robot::csv_table::place_of;
+use darm_robot::files::Limits;
 
 /// What a user says about a text file; what is `None` is found.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -36,13 +37,13 @@ struct Row {
 }
 
 /// The table of a text file, and what its owner should know.
-pub(crate) fn read(bytes: &[u8], dialect: Dialect) -> Result<(Part, Vec<String>), Fault> {
+pub(crate) fn read(bytes: &[u8], dialect: Dialect, limits: &Limits) -> Result<(Part, Vec<String>), Fault> {
     let mut notes = Vec::new();
     let text = decoded(bytes, &mut notes)?;
     let (body, comment) = without_comments(&text);
     let delimiter = dialect.delimiter.unwrap_or_else(|| delimiter(&body));
     let ends_early = !text.ends_with(['\n', '\r']);
-    let mut rows = rows(&body, delimiter, ends_early, &mut notes)?;
+    let mut rows = rows(&body, delimiter, ends_early, limits, &mut notes)?;
     if rows.is_empty() {
         return Err(Fault::of_file("no rows: the file is empty, or holds comments alone"));
     }
@@ -174,16 +175,34 @@ fn has_decimal_comma(rows: &[Row]) -> bool {
 }
 
 /// The rows with as many cells each. A last row that is short and has no end was cut off and is left out.
-fn rows(body: &str, delimiter: char, ends_early: bool, notes: &mut Vec<String>) -> Result<Vec<Row>, Fault> {
+fn rows(
+    body: &str,
+    delimiter: char,
+    ends_early: bool,
+    limits: &Limits,
+    notes: &mut Vec<String>,
+) -> Result<Vec<Row>, Fault> {
     let mut rows = Vec::new();
+    let mut n_cells = 0;
+    // Rows need not be as long as each other yet.
+    let mut add = |row: Row| {
+        n_cells += row.cells.len().max(1);
+        rows.push(row);
+        if rows[rows.len() - 1].cells.len() > limits.columns || n_cells > limits.cells {
+            return Err(Fault::of_file(limits.too_many_cells()));
+        }
+        Ok(())
+    };
     if delimiter == ' ' {
         let lines = (1..).zip(body.lines()).filter(|(_, line)| !line.trim().is_empty());
-        rows.extend(lines.map(|(line, text)| Row { line, cells: cells(text, delimiter) }));
+        for (line, text) in lines {
+            add(Row { line, cells: cells(text, delimiter) })?;
+        }
     } else {
         for record in reader(body, delimiter).records() {
             let record = record.map_err(|error| Fault::of_file(format!("no table: {error}")))?;
             let line = place_of(body.as_bytes(), record.position(), 0).map_or(0, |place| place.line);
-            rows.push(Row { line, cells: record.iter().map(str::to_owned).collect() });
+            add(Row { line, cells: record.iter().map(str::to_owned).collect() })?;
         }
     }
     let Some(width) = rows.first().map(|row: &Row| row.cells.len()) else { return Ok(rows) };

@@ -58,6 +58,15 @@ byId('stop-form').addEventListener('submit', (event) => {
   stop();
 });
 
+// The latched safe state, with its cause and what clears it, whatever the page is about.
+function showSafeState({ board, link }) {
+  const note = byId('safe');
+  const fault = board?.phase.name === 'safe' ? board.phase.fault : null;
+  note.hidden = !fault;
+  const seen = link.state === 'live' ? '' : ' (seen before the connection was lost)';
+  setText(note, fault ? `Safe state${seen}: ${fault.text}. All outputs are off. Remove the cause, then clear it on the page Live.` : '');
+}
+
 // A button acts when the key goes up, so both are taken away from it.
 for (const type of ['keydown', 'keyup']) {
   window.addEventListener(type, (event) => {
@@ -202,13 +211,14 @@ export async function follow() {
   let after = 0;
   for (;;) {
     try {
-      const live = await get(`/api/live?after=${after}`);
+      const live = await get(`/api/live?after=${after}`, 2000, control.key);
       lastAnswer = performance.now();
       // A server that was started again counts from the beginning.
       after = live.revision;
       last = live;
       showLink(live.link.state);
       showStop(live);
+      showSafeState(live);
       for (const listener of listeners) listener(live);
     } catch (error) {
       if (error.kind === 'denied') {

@@ -153,13 +153,13 @@ pub(crate) struct Stopped {
     took_s: f64,
 }
 
-/// Runs in a thread: it waits for nothing that the server does.
+/// By a thread that does nothing else: it waits for nothing that the server does.
 pub(crate) async fn stop(State(hub): Shared) -> Answer<Stopped> {
     let began = Instant::now();
-    let stopped = tokio::task::spawn_blocking(move || hub.stop()).await;
+    let stopped = hub.request_stop().await;
     let not_sent =
         |error: &dyn std::fmt::Display| Refused::new(Kind::Link, format!("the stop could not be sent: {error}"));
-    let confirmation = stopped.map_err(|error| not_sent(&error))?.map_err(|error| not_sent(&error))?;
+    let confirmation = stopped.map_err(|error| not_sent(&error))?;
     Ok(Json(Stopped { confirmed: confirmation == Confirmation::Confirmed, took_s: began.elapsed().as_secs_f64() }))
 }
 
@@ -214,6 +214,11 @@ pub(crate) async fn control(
             Ok(granted(None, None))
         }
     }
+}
+
+/// Whether a request is one of the page with control.
+pub(crate) fn has_control(hub: &Hub, headers: &HeaderMap) -> bool {
+    key(headers).is_ok_and(|key| hub.controls(key))
 }
 
 /// The key that the page shows.

@@ -3,6 +3,9 @@
 //! A client that sends its headers byte by byte, or nothing at all, would hold a connection for ever; many such would keep a
 //! person's stop out. A new connection therefore always gets a place: where all are taken, the one that has waited longest for
 //! a request is closed, and where all have one, that with the oldest request.
+//!
+//! Two are never closed for a place: one that carried a request of the page with control a moment ago, so that the stop of that page
+//! finds a connection open, and one whose stop is not answered yet.
 
 use std::future::Future;
 use std::io;
@@ -10,6 +13,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use axum::Router;
+use axum::http::HeaderMap;
 use hyper::body::Incoming;
 use hyper::server::conn::http1;
 use hyper::service::Service;
@@ -21,25 +25,39 @@ use tokio::sync::oneshot;
 use tokio::task::AbortHandle;
 
 /// Most connections at once: a browser opens six.
-pub const MAX_CONNECTIONS: usize = 128;
+pub const MAX_CONNECTIONS: usize = 512;
+/// Connections of the page with control that are kept, the latest: a browser opens six, and nobody takes all places.
+const MAX_KEPT: usize = 8;
+/// How long after a request of the page with control: it renews once a second.
+const KEPT: Duration = Duration::from_secs(3);
 /// A connection is closed when the headers of its next request, or the next part of a body, take longer.
 pub const PATIENCE: Duration = Duration::from_secs(10);
 /// What still runs when the server ends is given this time.
 pub(crate) const ENDING: Duration = Duration::from_secs(2);
 /// Largest head of a request, and most of a connection that is read ahead, in bytes.
 const BUFFER: usize = 1 << 16;
+/// The path of a stop.
+const STOP: &str = "/api/stop";
 /// The operating system has no file descriptor left: another connection may end in this time.
 const RETRY: Duration = Duration::from_millis(100);
+
+/// Whether a request shows the key of the page with control.
+pub(crate) type HasControl = Arc<dyn Fn(&HeaderMap) -> bool + Send + Sync>;
 
 /// Answers requests until `ended` is sent or its sender is gone.
 pub(crate) async fn serve(
     listener: std::net::TcpListener,
     router: Router,
+    has_control: HasControl,
     mut ended: oneshot::Receiver<()>,
 ) -> io::Result<()> {
     let listener = TcpListener::from_std(listener)?;
-    let mut open =
-        Open { router: TowerToHyperService::new(router), connections: Vec::new(), end: GracefulShutdown::new() };
+    let mut open = Open {
+        router: TowerToHyperService::new(router),
+        has_control,
+        connections: Vec::new(),
+        end: GracefulShutdown::new(),
+    };
     loop {
         tokio::select! {
             _ = &mut ended => break,
@@ -58,6 +76,7 @@ pub(crate) async fn serve(
 /// The open connections.
 struct Open {
     router: TowerToHyperService<Router>,
+    has_control: HasControl,
     connections: Vec<Connection>,
     end: GracefulShutdown,
 }
@@ -67,9 +86,21 @@ struct Connection {
     activity: Activity,
 }
 
-/// Whether a connection has a request that is not answered, and since when it has one or none.
+/// What a connection does.
 #[derive(Clone)]
-struct Activity(Arc<Mutex<(bool, Instant)>>);
+struct Activity(Arc<Mutex<Doing>>);
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Doing {
+    /// It has a request that is not answered.
+    has_request: bool,
+    /// That is a stop.
+    is_stop: bool,
+    /// Since when it has a request, or none.
+    since: Instant,
+    /// When it carried a request of the page with control last.
+    of_control: Option<Instant>,
+}
 
 impl Open {
     fn add(&mut self, stream: TcpStream) {
@@ -79,8 +110,12 @@ impl Open {
         }
         // Where it fails answers come a little later.
         let _ = stream.set_nodelay(true);
-        let activity = Activity(Arc::new(Mutex::new((false, Instant::now()))));
-        let service = Noted { inner: self.router.clone(), activity: activity.clone() };
+        let activity = Activity::new(Instant::now());
+        let service = Noted {
+            inner: self.router.clone(),
+            activity: activity.clone(),
+            has_control: Arc::clone(&self.has_control),
+        };
         let connection = http1::Builder::new()
             .timer(TokioTimer::new())
             .header_read_timeout(PATIENCE)
@@ -94,20 +129,44 @@ impl Open {
 
     /// Closes the connection that is missed least.
     fn close_one(&mut self) {
-        let ages = self.connections.iter().enumerate().map(|(index, connection)| (*connection.activity.get(), index));
-        if let Some((_, index)) = ages.min() {
+        let all: Vec<Doing> = self.connections.iter().map(|connection| *connection.activity.get()).collect();
+        if let Some(index) = least_missed(&all, Instant::now()) {
             self.connections.swap_remove(index).task.abort();
         }
     }
 }
 
+/// The connection that is missed least; `None` where all are kept.
+fn least_missed(all: &[Doing], now: Instant) -> Option<usize> {
+    let is_recent = |doing: &Doing| doing.of_control.filter(|at| now.saturating_duration_since(*at) < KEPT);
+    let mut recent: Vec<Instant> = all.iter().filter_map(is_recent).collect();
+    recent.sort_unstable_by(|a, b| b.cmp(a));
+    let kept_from = recent.get(MAX_KEPT - 1).or(recent.last()).copied();
+    let is_kept = |doing: &Doing| doing.is_stop || is_recent(doing).zip(kept_from).is_some_and(|(at, from)| at >= from);
+    let others = all.iter().enumerate().filter(|(_, doing)| !is_kept(doing));
+    others.min_by_key(|(_, doing)| (doing.has_request, doing.since)).map(|(index, _)| index)
+}
+
 impl Activity {
-    fn get(&self) -> MutexGuard<'_, (bool, Instant)> {
+    fn new(now: Instant) -> Self {
+        Self(Arc::new(Mutex::new(Doing { has_request: false, is_stop: false, since: now, of_control: None })))
+    }
+
+    fn get(&self) -> MutexGuard<'_, Doing> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn set(&self, has_request: bool) {
-        *self.get() = (has_request, Instant::now());
+    /// A request begins.
+    fn begin(&self, is_stop: bool, of_control: bool) {
+        let (mut doing, now) = (self.get(), Instant::now());
+        (doing.has_request, doing.is_stop, doing.since) = (true, is_stop, now);
+        doing.of_control = of_control.then_some(now).or(doing.of_control);
+    }
+
+    /// It is answered.
+    fn end(&self) {
+        let mut doing = self.get();
+        (doing.has_request, doing.is_stop, doing.since) = (false, false, Instant::now());
     }
 }
 
@@ -115,6 +174,7 @@ impl Activity {
 struct Noted {
     inner: TowerToHyperService<Router>,
     activity: Activity,
+    has_control: HasControl,
 }
 
 impl Service<hyper::Request<Incoming>> for Noted {
@@ -123,12 +183,39 @@ impl Service<hyper::Request<Incoming>> for Noted {
     type Future = std::pin::Pin<Box<dyn Future<Output = Result<Self::Response, Self::Error>> + Send>>;
 
     fn call(&self, request: hyper::Request<Incoming>) -> Self::Future {
-        let (answer, activity) = (self.inner.call(request), self.activity.clone());
-        activity.set(true);
+        let activity = self.activity.clone();
+        activity.begin(request.uri().path() == STOP, (self.has_control)(request.headers()));
+        let answer = self.inner.call(request);
         Box::pin(async move {
             let answer = answer.await;
-            activity.set(false);
+            activity.end();
             answer
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::{Duration, Instant};
+
+    use super::{Doing, KEPT, MAX_KEPT, least_missed};
+
+    #[test]
+    fn connections_of_the_page_with_control_and_running_stops_keep_their_places() {
+        let now = Instant::now();
+        let ago = |ms: u64| now.checked_sub(Duration::from_millis(ms)).unwrap();
+        let idle = |ms| Doing { has_request: false, is_stop: false, since: ago(ms), of_control: None };
+        let page = Doing { of_control: Some(ago(900)), ..idle(9_000) };
+        let stop = Doing { has_request: true, is_stop: true, ..idle(8_000) };
+        let busy = Doing { has_request: true, ..idle(7_000) };
+        assert_eq!(least_missed(&[page, stop, busy, idle(10), idle(20)], now), Some(4));
+        assert_eq!(least_missed(&[page, stop, busy], now), Some(2));
+        assert_eq!(least_missed(&[page, stop], now), None);
+        let left = Doing { of_control: Some(now.checked_sub(KEPT).unwrap()), ..page };
+        assert_eq!(least_missed(&[left, stop, idle(10)], now), Some(0));
+        // A page that opens more of them than a browser does keeps the latest.
+        let many: Vec<Doing> = (0..20).map(|k| Doing { of_control: Some(ago(100 + k)), ..idle(5_000 + k) }).collect();
+        assert_eq!(least_missed(&many, now), Some(19));
+        assert_eq!(least_missed(&many[..MAX_KEPT], now), None);
     }
 }

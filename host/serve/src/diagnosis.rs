@@ -9,7 +9,6 @@
 //! | `POST /api/diagnosis/table`| makes and opens the table of the next measurement, with its visit file            |
 //! | `POST /api/diagnosis/run`  | diagnoses an [`Upload`]; the answer is the result. Without its page it is given up |
 
-mod folder;
 mod log;
 mod models;
 mod record;
@@ -17,6 +16,7 @@ mod sources;
 mod table;
 mod view;
 
+use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
@@ -24,7 +24,6 @@ use axum::extract::{DefaultBodyLimit, FromRef, State};
 use axum::routing::{get, post};
 use axum::{Json, Router};
 use darm_diagnose::correction::Keep;
-use darm_diagnose::error::sentence;
 use darm_diagnose::progress::{Progress, Stage};
 use serde::Serialize;
 
@@ -33,15 +32,11 @@ use crate::refusal::{Kind, Refused};
 use crate::turn::Turn;
 use crate::upload::{MAX_FILES, Upload};
 use crate::upload_memory::{UploadBody, UploadMemory};
-use folder::Folder;
 use log::LogView;
 use models::KnownModel;
 use sources::Sources;
 use table::{Next, TableRequest, TableView};
 use view::{Corrected, ResultView};
-
-/// File of a corrected model, in a folder that is removed.
-const NEXT: &str = "next.toml";
 
 /// The diagnoses of a server.
 struct Diagnoses {
@@ -119,32 +114,29 @@ async fn result(State(diagnoses): Shared) -> Json<Option<ResultView>> {
 }
 
 async fn known_models(State(diagnoses): Shared) -> Result<Json<Vec<KnownModel>>, Refused> {
-    models::list(&diagnoses.hub).map(Json)
+    // In a thread: the history is a file, and a stop does not wait for one.
+    let list = tokio::task::spawn_blocking(move || models::list(&diagnoses.hub)).await;
+    list.map_err(|error| Refused::new(Kind::Refused, format!("the list of models failed: {error}")))?.map(Json)
 }
 
 async fn look(State(diagnoses): Shared, body: UploadBody) -> Result<Json<LogView>, Refused> {
     let view = move |_: &_| {
         let upload = Upload::parse(&body.bytes)?;
-        let folder = Folder::new()?;
-        let data = folder.write_upload(&upload)?;
-        let view = log::view(&data, &upload.columns).map_err(|fault| folder.refusal(&fault.to_string()))?;
-        Ok(view.with_texts(|text| folder.without(text)))
+        let sent = upload.handed();
+        let data = sent.file(Path::new(&upload.data));
+        log::view(&data, &upload.columns).map_err(|fault| Refused::new(Kind::Invalid, fault))
     };
     diagnoses.logs.run(view).await.map(Json)
 }
 
 async fn run(State(diagnoses): Shared, body: UploadBody) -> Result<Json<ResultView>, Refused> {
     let progress = Progress::default();
-    let place = {
-        let upload = Upload::parse(&body.bytes)?;
-        let sources = Sources::of(&diagnoses.hub, &upload)?;
-        Place::take(&diagnoses, sources.to_string(), &progress)?
-    };
     // Dropped with this request, when the page leaves.
     let _request = GiveUp(progress.clone());
     let work = move || {
         let upload = Upload::parse(&body.bytes)?;
-        let sources = Sources::of(&place.0.hub, &upload)?;
+        let sources = Sources::of(&diagnoses.hub, &upload)?;
+        let place = Place::take(&diagnoses, sources.to_string(), &progress)?;
         place.diagnose(&sources, &progress)
     };
     let result = tokio::task::spawn_blocking(work).await;
@@ -209,13 +201,9 @@ impl Place {
     }
 
     fn diagnose(&self, sources: &Sources<'_>, progress: &Progress) -> Result<ResultView, Refused> {
-        let folder = Folder::new()?;
-        let found = sources.diagnose(&folder, progress)?;
-        // In the folder of the model: files that it names are named as before.
-        let next = folder.path().join(NEXT);
-        let number = found.write_corrected(&next, Keep::Effects).map_err(|error| folder.refusal(&sentence(&error)))?;
-        let text = number.map(|_| folder.read(NEXT)).transpose()?;
-        let corrected = number.zip(text).map(|(number, text)| Corrected::new(&sources.model, number, text));
+        let found = sources.diagnose(progress)?;
+        let corrected = found.corrected_text(Keep::Effects);
+        let corrected = corrected.map(|(number, text)| Corrected::new(&sources.model, number, text));
         let corrected_arm = found.corrected_arm(Keep::Effects);
         let corrected_digest = corrected_arm.as_ref().map(|arm| arm.hash().to_string());
         self.0.record(sources, &found, corrected.as_ref(), corrected_digest);

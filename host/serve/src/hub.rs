@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::Sender;
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -25,6 +25,8 @@ use crate::view::{BoardView, EventView, LinkView, LiveView, UploadView};
 
 /// What is older than this is not live: ten times the interval of the questions.
 pub const LIVE: Duration = Duration::from_millis(500);
+/// The thread of stops looks this often whether the server ends.
+const LOOK: Duration = Duration::from_millis(100);
 /// Events that are kept for pages.
 const EVENTS: usize = 60;
 
@@ -40,7 +42,13 @@ pub struct Hub {
     /// Number of stops that pages have sent.
     stops: AtomicU64,
     has_ended: AtomicBool,
+    /// Pages that wait for a stop, and the thread that answers them.
+    stop_requests: Sender<StopRequest>,
+    stops_wanted: Mutex<Receiver<StopRequest>>,
 }
+
+/// A page that waits for a stop.
+type StopRequest = oneshot::Sender<Result<Confirmation, String>>;
 
 struct State {
     link: LinkView,
@@ -69,6 +77,7 @@ pub(crate) struct HubParts {
 impl Hub {
     pub(crate) fn new(parts: HubParts) -> Self {
         let HubParts { stopper, arm, history, orders } = parts;
+        let (stop_requests, stops_wanted) = channel();
         let state = State {
             link: LinkView::Connecting,
             seen: None,
@@ -91,6 +100,8 @@ impl Hub {
             revision: watch::Sender::new(1),
             stops: AtomicU64::new(0),
             has_ended: AtomicBool::new(false),
+            stop_requests,
+            stops_wanted: Mutex::new(stops_wanted),
         }
     }
 
@@ -120,6 +131,35 @@ impl Hub {
         let handle = self.state().handle.clone();
         let past = handle.map(|handle| handle.stop(STOP_BOUND));
         past.and_then(Result::ok).map_or_else(|| (self.stopper)(), Ok)
+    }
+
+    /// The same by the thread of stops, which answers nothing else.
+    ///
+    /// # Errors
+    ///
+    /// Why the stop could not be sent, in a sentence.
+    pub(crate) async fn request_stop(&self) -> Result<Confirmation, String> {
+        let (answer, answered) = oneshot::channel();
+        let ending = |_| "the server is ending".to_owned();
+        self.stop_requests.send(answer).map_err(|_| ending(()))?;
+        answered.await.map_err(|_| ending(()))?
+    }
+
+    /// Answers stops until the server ends. Those that arrive while one is sent share the next.
+    pub(crate) fn answer_stops(&self) {
+        let wanted = self.stops_wanted.lock().unwrap_or_else(PoisonError::into_inner);
+        while !self.has_ended() {
+            let Ok(first) = wanted.recv_timeout(LOOK) else { continue };
+            let all: Vec<StopRequest> = std::iter::once(first).chain(wanted.try_iter()).collect();
+            let outcome = self.stop().map_err(|error| error.to_string());
+            // A page that has left waits no longer.
+            all.into_iter().for_each(|page| drop(page.send(outcome.clone())));
+        }
+    }
+
+    /// Whether this is the key of the page with control.
+    pub(crate) fn controls(&self, key: u64) -> bool {
+        self.state().control.check(Instant::now(), key).is_ok()
     }
 
     /// Whether a page has gone with its control since this was asked last.

@@ -72,6 +72,7 @@ impl Page {
                 }
             }
             p #stopped role="alert" hidden {}
+            p #safe .alert role="alert" hidden {}
             p #alert .alert role="alert" hidden {}
             noscript { p.alert { "Scripts are off: this page shows nothing live. The stop works." } }
         }
@@ -167,7 +168,7 @@ fn tables() -> Markup {
                 table.values {
                     thead { tr {
                         th scope="col" { "Output" } th scope="col" { "Actuator" } th scope="col" { "Is" }
-                        th.num scope="col" { "On for" } th scope="col" { "Left in its window" } th scope="col" { "Switch" }
+                        th.num scope="col" { "On for" } th scope="col" { "May still be on" } th scope="col" { "Switch" }
                         th scope="col" { "Set the actuator to" }
                     } }
                     tbody #outputs {}

@@ -28,6 +28,8 @@ pub use crate::served_arm::ServedArm;
 use crate::watcher::Watcher;
 use crate::{api, diagnosis, pages, reach, unix_time};
 
+/// Connections that wait to be accepted. Where there is no room for another one, its client tries again a second later.
+const BACKLOG: u32 = 4096;
 /// Largest body of a request: a table of 1024 rows has 60 kB.
 const MAX_BODY: usize = 1 << 18;
 
@@ -102,7 +104,7 @@ impl Server {
     pub fn start(config: Config) -> Result<Self, ServeError> {
         let Config { listen, names, token, board, arm, poses, history } = config;
         let access = Access::new(listen, names, token)?;
-        let listener = TcpListener::bind(listen).map_err(|source| ServeError::Listen { address: listen, source })?;
+        let listener = bound(listen).map_err(|source| ServeError::Listen { address: listen, source })?;
         let address = listener.local_addr()?;
         listener.set_nonblocking(true)?;
         let (orders, ordered) = channel();
@@ -116,8 +118,10 @@ impl Server {
         let (end, ended) = oneshot::channel();
         let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;
         let router = router(Arc::clone(&hub), access);
+        let (of_control, stops) = (Arc::clone(&hub), Arc::clone(&hub));
+        let has_control = Arc::new(move |headers: &_| api::has_control(&of_control, headers));
         let http = move || {
-            let served = runtime.block_on(connections::serve(listener, router, ended));
+            let served = runtime.block_on(connections::serve(listener, router, has_control, ended));
             runtime.shutdown_timeout(connections::ENDING);
             if let Err(error) = served {
                 eprintln!("darm serve: {error}");
@@ -126,6 +130,7 @@ impl Server {
         let mut threads = vec![
             thread::Builder::new().name("watcher".into()).spawn(move || watcher.run())?,
             thread::Builder::new().name("http".into()).spawn(http)?,
+            thread::Builder::new().name("stop".into()).spawn(move || stops.answer_stops())?,
         ];
         if let Some(source) = poses {
             threads.push(follow_poses(&hub, source)?);
@@ -154,6 +159,18 @@ impl Drop for Server {
             let _ = thread.join();
         }
     }
+}
+
+/// A listener with room for many that connect at once.
+fn bound(listen: SocketAddr) -> io::Result<TcpListener> {
+    let socket = if listen.is_ipv4() { tokio::net::TcpSocket::new_v4() } else { tokio::net::TcpSocket::new_v6() }?;
+    // A server that is started again shortly after its end would not get its port.
+    #[cfg(unix)]
+    socket.set_reuseaddr(true)?;
+    socket.bind(listen)?;
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
+    let _entered = runtime.enter();
+    socket.listen(BACKLOG)?.into_std()
 }
 
 /// Starts the thread that reads measured poses.

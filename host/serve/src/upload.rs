@@ -8,14 +8,11 @@
 //! In place of `model` it may name one that the server has, by its digest: `"known":"8e415f3039ec8956"`. `columns` says how the
 //! columns of the data are read, where their names do not say it.
 
-use std::io;
-use std::path::{Path, PathBuf};
-
+use darm_robot::files::{Files, Limits};
 use serde::{Deserialize, Serialize};
 
 use crate::refusal::{Kind, Refused};
 
-const QUOTES: [char; 2] = ['"', '\''];
 /// Largest upload of files, bytes.
 pub const MAX_FILES: usize = 64 << 20;
 /// Most bytes of all uploads that the server has at once.
@@ -111,11 +108,6 @@ impl<'a> Upload<'a> {
             let (own, others) = rest
                 .split_at_checked(bytes)
                 .ok_or_else(|| invalid(format!("{name} arrived incomplete; choose the files again")))?;
-            if let Some(path) = path_elsewhere(&name, own) {
-                return Err(invalid(format!(
-                    "{name} names {path:?}, and only files that are sent with it are read; name it without a folder"
-                )));
-            }
             rest = others;
             files.push((name, own));
         }
@@ -127,43 +119,10 @@ impl<'a> Upload<'a> {
         self.files.iter().find(|(own, _)| own == name).map_or(&[], |(_, bytes)| bytes)
     }
 
-    /// Writes the files into a folder; the path of the measurements.
-    ///
-    /// # Errors
-    ///
-    /// A file cannot be written.
-    pub fn write(&self, folder: &Path) -> io::Result<PathBuf> {
-        for (name, bytes) in &self.files {
-            std::fs::write(folder.join(name), bytes)?;
-        }
-        Ok(folder.join(&self.data))
+    /// The files as all that is read: whatever a model names, and however it writes it, there are no others.
+    pub fn handed(&self) -> Files {
+        Files::handed(self.files.iter().map(|(name, bytes)| (name.clone(), bytes.to_vec())), Limits::SERVER)
     }
-}
-
-/// A path in the file of a model that may lead out of its folder: what a page sends makes the server read no other file.
-fn path_elsewhere<'t>(name: &str, bytes: &'t [u8]) -> Option<&'t str> {
-    let is_model = [".toml", ".urdf", ".xml"].iter().any(|end| name.to_ascii_lowercase().ends_with(end));
-    let text = std::str::from_utf8(bytes).ok().filter(|_| is_model)?;
-    // Which pieces are within quotes is not asked, and what could write a path in other characters is refused too.
-    let leads_out = |piece: &&str| {
-        let is_absolute = piece.starts_with(['/', '~']) && !piece.starts_with("/>") || piece.starts_with("file:");
-        is_absolute || ["..", "&#", "\\"].iter().any(|odd| piece.contains(odd))
-    };
-    let is_xml = !name.to_ascii_lowercase().ends_with(".toml");
-    // A string of several lines begins with a line break.
-    let pieces = |part: &'t str| part.lines().flat_map(|line| line.split(QUOTES)).find(leads_out);
-    if is_xml { outside_comments(text).find_map(pieces) } else { pieces(text) }
-}
-
-/// The parts of an XML text outside of comments. A comment with quotes counts as text: it may be within a value, and hide the
-/// end of one.
-fn outside_comments(text: &str) -> impl Iterator<Item = &str> {
-    let (first, others) = text.split_once("<!--").unwrap_or((text, ""));
-    let after = |part: &str| -> usize {
-        let comment = part.split_once("-->").map(|(comment, _)| comment).filter(|comment| !comment.contains(QUOTES));
-        comment.map_or(0, |comment| comment.len() + "-->".len())
-    };
-    std::iter::once(first).chain(others.split("<!--").map(move |part| &part[after(part)..]))
 }
 
 /// Whether a name is that of a file in one folder, on every system.
@@ -174,41 +133,44 @@ fn is_plain(name: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
+    use darm_diagnose::files::Subject;
+
     use super::{Model, Upload};
 
     #[test]
     fn files_are_parted_by_their_lengths() {
         let body = b"{\"model\":{\"name\":\"a.toml\",\"bytes\":2},\"data\":{\"name\":\"b.csv\",\"bytes\":3}}\nAB1\n2";
         let upload = Upload::parse(body).unwrap();
-        let folder = tempfile::tempdir().unwrap();
-        let data = upload.write(folder.path()).unwrap();
-        let model = folder.path().join("a.toml");
-        assert_eq!((std::fs::read(model).unwrap(), std::fs::read(data).unwrap()), (b"AB".to_vec(), b"1\n2".to_vec()));
+        let read = |name: &str| upload.handed().read(Path::new(name)).unwrap();
+        assert_eq!((read("a.toml"), read("b.csv")), (b"AB".to_vec(), b"1\n2".to_vec()));
         assert_eq!(upload.model, Model::Sent("a.toml".into()));
         let known = Upload::parse(b"{\"known\":\"8e\",\"data\":{\"name\":\"b.csv\",\"bytes\":0}}\n").unwrap();
         assert_eq!(known.model, Model::Known("8e".into()));
     }
 
+    /// `<include>` reads any file as XML, whatever its name ends with, and a path may begin with a space.
     #[test]
-    fn a_model_that_names_files_elsewhere_is_refused() {
-        let upload = |name: &str, text: &str| {
+    fn a_file_that_is_included_may_not_name_files_elsewhere_either() {
+        let folder = tempfile::tempdir().unwrap();
+        let secret = folder.path().join("secret.xml");
+        std::fs::write(&secret, "<mujoco model=\"the secret\"/>").unwrap();
+        let elsewhere = format!("<mujoco><include file=\"{}\"/></mujoco>", secret.display());
+        let own = "<mujoco><worldbody/></mujoco>".to_owned();
+        for (included, is_read) in [(elsewhere, false), (own, true)] {
+            let model = "<mujoco><include file=\"b.dat\"/></mujoco>";
             let head = format!(
-                "{{\"model\":{{\"name\":{name:?},\"bytes\":{}}},\"data\":{{\"name\":\"b\",\"bytes\":0}}}}",
-                text.len()
+                "{{\"model\":{{\"name\":\"a.xml\",\"bytes\":{}}},\"data\":{{\"name\":\"d.csv\",\"bytes\":0}},\"more\":[{{\"name\":\"b.dat\",\"bytes\":{}}}]}}",
+                model.len(),
+                included.len()
             );
-            Upload::parse(format!("{head}\n{text}").as_bytes()).map(|_| ()).map_err(|refused| refused.text)
-        };
-        assert_eq!(upload("a.toml", "urdf = \"tx40.urdf\""), Ok(()));
-        assert_eq!(upload("a.urdf", "<mesh filename=\"package://tx40/link.stl\"/>"), Ok(()));
-        let comment = "<robot><!-- made from ../../arm.xacro --><link name=\"a\"/><!-- and of ../b --></robot>";
-        assert_eq!(upload("a.urdf", comment), Ok(()));
-        let hidden = "<mesh a=\"<!--\" filename=\"../../secret\" b=\"-->\"/>";
-        assert!(upload("a.urdf", hidden).unwrap_err().contains("secret"));
-        let lines = "urdf = \"\"\"\n/etc/passwd\"\"\"";
-        assert!(upload("a.toml", lines).unwrap_err().contains("/etc/passwd"));
-        for path in ["/etc/passwd", "../other.urdf", "file:///etc/passwd", "&#47;etc", "\\u002fetc"] {
-            assert!(upload("a.toml", &format!("urdf = \"{path}\"")).unwrap_err().contains(&format!("{path:?}")));
-            assert!(upload("a.xml", &format!("<include file='{path}'/>")).unwrap_err().contains(&format!("{path:?}")));
+            let body = format!("{head}\n{model}{included}");
+            let files = Upload::parse(body.as_bytes()).unwrap().handed();
+            let read = Subject::read(files.file(Path::new("a.xml")));
+            let text = read.err().map_or_else(String::new, |error| error.to_string());
+            assert_eq!(!text.contains("was not sent"), is_read, "{text}");
+            assert!(!text.contains("the secret"), "{text}");
         }
     }
 

@@ -1,18 +1,30 @@
 //! The memory of uploads: all of them together have a bound, whoever sends how many at once.
 
+use std::future::poll_fn;
+use std::pin::Pin;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
-use axum::body::Bytes;
+use axum::body::{Body, Bytes};
 use axum::extract::{FromRef, FromRequest, Request};
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+
+use hyper::body::Body as _;
 
 use crate::refusal::{Kind, Refused};
 use crate::upload::{MAX_FILES, MAX_UPLOADS};
 
 /// Bytes that one permit is for.
 const BLOCK: usize = 1 << 10;
+/// First memory of an upload; it doubles as the upload arrives.
+const FIRST: usize = 1 << 16;
+/// An upload that is slower over [`PERIOD`] ends: a tunnel over a telephone has 50 times as much, and at this rate the largest
+/// one would take two hours.
+const SLOWEST_PER_S: usize = 8_000;
+/// How long an upload is watched before it is called slow: a pause of the network may be as long.
+const PERIOD: Duration = Duration::from_secs(10);
 
 /// What is left of the memory of uploads.
 #[derive(Clone)]
@@ -20,8 +32,15 @@ pub(crate) struct UploadMemory(Arc<Semaphore>);
 
 /// The body of a request with files; its memory is free again when this is dropped.
 pub(crate) struct UploadBody {
-    pub(crate) bytes: Bytes,
-    _memory: OwnedSemaphorePermit,
+    pub(crate) bytes: Vec<u8>,
+    _memory: Reserved,
+}
+
+/// Memory of one upload, which grows as the upload arrives.
+struct Reserved {
+    all: UploadMemory,
+    permits: Option<OwnedSemaphorePermit>,
+    bytes: usize,
 }
 
 impl UploadMemory {
@@ -29,18 +48,55 @@ impl UploadMemory {
         Self(Arc::new(Semaphore::new(MAX_UPLOADS / BLOCK)))
     }
 
-    /// Memory for a body of this length, before any of it is read.
-    fn reserve(&self, bytes: usize) -> Result<OwnedSemaphorePermit, Refused> {
-        let blocks = u32::try_from(bytes.div_ceil(BLOCK)).unwrap_or(u32::MAX);
-        Arc::clone(&self.0).try_acquire_many_owned(blocks).map_err(|_| self.full(bytes))
+    fn reserved(&self) -> Reserved {
+        Reserved { all: self.clone(), permits: None, bytes: 0 }
     }
 
-    fn full(&self, bytes: usize) -> Refused {
-        let (all, wanted, free) = (MAX_UPLOADS >> 20, bytes >> 20, (self.0.available_permits() * BLOCK) >> 20);
-        let text = format!(
-            "other pages send files: {free} of {all} MB for files are free, and these have {wanted} MB; try again in a moment"
-        );
+    fn full(&self) -> Refused {
+        let (all, free) = (MAX_UPLOADS >> 20, (self.0.available_permits() * BLOCK) >> 20);
+        let text = format!("other pages send files: {free} of {all} MB for files are free; try again in a moment");
         Refused::new(Kind::Refused, text)
+    }
+}
+
+impl Reserved {
+    /// Memory for a body of this length.
+    fn grow_to(&mut self, bytes: usize) -> Result<(), Refused> {
+        let more = bytes.saturating_sub(self.bytes).div_ceil(BLOCK);
+        let more = u32::try_from(more).unwrap_or(u32::MAX);
+        let permits = Arc::clone(&self.all.0).try_acquire_many_owned(more).map_err(|_| self.all.full())?;
+        match &mut self.permits {
+            Some(own) => own.merge(permits),
+            own => *own = Some(permits),
+        }
+        self.bytes = self.bytes.max(bytes.next_multiple_of(BLOCK));
+        Ok(())
+    }
+}
+
+/// How fast an upload arrives. Time is an argument.
+struct Pace {
+    since: Instant,
+    bytes: usize,
+}
+
+impl Pace {
+    /// Notes what has arrived; an error once a period had less than it needs.
+    fn note(&mut self, now: Instant, bytes: usize) -> Result<(), Refused> {
+        self.bytes += bytes;
+        let passed = now.saturating_duration_since(self.since);
+        if passed < PERIOD {
+            return Ok(());
+        }
+        if (self.bytes as f64) < SLOWEST_PER_S as f64 * passed.as_secs_f64() {
+            let text = format!(
+                "the files arrive at less than {} kB/s, and would keep other pages waiting; send them over a faster connection",
+                SLOWEST_PER_S / 1000
+            );
+            return Err(Refused::new(Kind::Refused, text));
+        }
+        (self.since, self.bytes) = (now, 0);
+        Ok(())
     }
 }
 
@@ -58,25 +114,69 @@ where
         if length > MAX_FILES {
             return Err(StatusCode::PAYLOAD_TOO_LARGE.into_response());
         }
-        let memory = UploadMemory::from_ref(state).reserve(length).map_err(IntoResponse::into_response)?;
-        let bytes = Bytes::from_request(request, state).await.map_err(IntoResponse::into_response)?;
-        Ok(Self { bytes, _memory: memory })
+        let memory = UploadMemory::from_ref(state).reserved();
+        collected(request.into_body(), length, memory).await.map_err(IntoResponse::into_response)
     }
+}
+
+/// Reads a body of this length, with memory for what has arrived.
+async fn collected(mut body: Body, length: usize, mut memory: Reserved) -> Result<UploadBody, Refused> {
+    let cut = || Refused::new(Kind::Invalid, "the files arrived incomplete; choose them again");
+    let (mut bytes, mut pace) = (Vec::new(), Pace { since: Instant::now(), bytes: 0 });
+    while bytes.len() < length {
+        let frame = tokio::time::timeout(PERIOD, poll_fn(|context| Pin::new(&mut body).poll_frame(context))).await;
+        let part = match frame {
+            Ok(Some(Ok(frame))) => frame.into_data().unwrap_or_default(),
+            Ok(Some(Err(_)) | None) => return Err(cut()),
+            Err(_) => Bytes::new(),
+        };
+        pace.note(Instant::now(), part.len())?;
+        if bytes.len() + part.len() > bytes.capacity() {
+            let next = (2 * bytes.capacity()).max(FIRST).max(bytes.len() + part.len()).min(length.max(part.len()));
+            memory.grow_to(next)?;
+            bytes.reserve_exact(next - bytes.len());
+        }
+        bytes.extend_from_slice(&part);
+    }
+    Ok(UploadBody { bytes, _memory: memory })
 }
 
 #[cfg(test)]
 mod tests {
-    use super::UploadMemory;
+    use std::time::{Duration, Instant};
+
+    use super::{PERIOD, Pace, SLOWEST_PER_S, UploadMemory};
     use crate::upload::{MAX_FILES, MAX_UPLOADS};
 
     #[test]
-    fn uploads_share_one_bound_and_give_their_memory_back() {
+    fn uploads_take_memory_as_they_arrive_share_one_bound_and_give_it_back() {
         let memory = UploadMemory::new();
-        let reserved: Vec<_> = (0..MAX_UPLOADS / MAX_FILES).map(|_| memory.reserve(MAX_FILES).unwrap()).collect();
-        let refused = memory.reserve(1).unwrap_err();
+        let mut begun: Vec<_> = (0..400).map(|_| memory.reserved()).collect();
+        assert!(begun.iter_mut().all(|one| one.grow_to(1).is_ok()), "what has not arrived takes none");
+        let mut large = memory.reserved();
+        assert!(large.grow_to(MAX_FILES).is_ok());
+        drop((begun, large));
+        let reserve = || {
+            let mut one = memory.reserved();
+            one.grow_to(MAX_FILES).unwrap();
+            one
+        };
+        let all: Vec<_> = (0..MAX_UPLOADS / MAX_FILES).map(|_| reserve()).collect();
+        let refused = memory.reserved().grow_to(1).unwrap_err();
         assert!(refused.text.starts_with("other pages send files: 0 of 128 MB"), "{}", refused.text);
-        drop(reserved);
-        assert!(memory.reserve(MAX_FILES).is_ok());
-        assert!(memory.reserve(usize::MAX).is_err());
+        drop(all);
+        assert!(memory.reserved().grow_to(MAX_FILES).is_ok());
+        assert!(memory.reserved().grow_to(usize::MAX).is_err());
+    }
+
+    #[test]
+    fn an_upload_that_sends_a_byte_at_a_time_ends_and_one_that_pauses_does_not() {
+        let start = Instant::now();
+        let mut slow = Pace { since: start, bytes: 0 };
+        let refused = (1..=20).find_map(|s| slow.note(start + Duration::from_secs(s), 1).err());
+        assert!(refused.unwrap().text.contains("less than 8 kB/s"));
+        let mut pausing = Pace { since: start, bytes: 0 };
+        pausing.note(start, 2 * SLOWEST_PER_S * 10).unwrap();
+        pausing.note(start + PERIOD + Duration::from_secs(1), 1).unwrap();
     }
 }

@@ -152,9 +152,9 @@ pub struct OutputView {
     pub is_on: Option<bool>,
     /// For how long, s.
     pub on_s: Option<f64>,
-    /// How long it may still be on in the present window, s.
+    /// How long it may still be on, in its pulse and in its window, s.
     pub left_s: f64,
-    /// How long it may be on in a window, s.
+    /// How long it may be on at most, s.
     pub allowed_s: f64,
     /// After this time without current all of that is free, s.
     pub recovery_s: f64,

@@ -70,6 +70,7 @@ use darm_core::profile::Profile;
 use darm_core::units::{ModelHash, Word};
 use sha2::{Digest, Sha256};
 
+use darm_robot::files::FileRef;
 use darm_robot::source::{Fault, FileError, Source, path_between};
 pub(crate) use fault::reason_of;
 
@@ -151,8 +152,8 @@ impl Arm {
     /// # Errors
     ///
     /// The file cannot be read; or as [`parse`](Self::parse).
-    pub fn read(path: &Path) -> Result<Self, ArmError> {
-        Ok(ArmFile::read(path)?.arm)
+    pub fn read<'a>(file: impl Into<FileRef<'a>>) -> Result<Self, ArmError> {
+        Ok(ArmFile::read(file)?.arm)
     }
 
     /// The arm that `text` describes; `path` only serves messages.
@@ -280,8 +281,8 @@ struct Places {
 }
 
 impl ArmFile {
-    pub(crate) fn read(path: &Path) -> Result<Self, ArmError> {
-        let source = Source::read(path)?;
+    pub(crate) fn read<'a>(file: impl Into<FileRef<'a>>) -> Result<Self, ArmError> {
+        let source = Source::read(file)?;
         let (arm, places) = build::arm(&source)?;
         Ok(Self { arm, source, places })
     }

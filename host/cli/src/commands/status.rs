@@ -195,7 +195,7 @@ pub(super) fn recovering(outputs: &[OutputState]) -> Vec<Recovering> {
     let busy = outputs.iter().filter(used);
     let report = |output: &OutputState| Recovering {
         output: output.output,
-        left_s: seconds(output.left_ms),
+        left_s: seconds(output.left_ms.min(output.limit.max_on_ms)),
         recovery_s: seconds(output.recovery_ms),
     };
     busy.map(report).collect()

@@ -26,7 +26,6 @@
 
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::path::Path;
 
 use nalgebra::DMatrix;
 use serde::Deserialize;
@@ -37,6 +36,7 @@ use crate::linearise::model_effects::ModelEffect;
 use crate::linearise::point_contact::Points;
 use crate::linearise::torque::Transmission;
 use darm_robot::description::{self, DescriptionError};
+use darm_robot::files::FileRef;
 use darm_robot::robot::Robot;
 use darm_robot::source::{FileError, Source};
 use darm_robot::urdf::Locks;
@@ -166,8 +166,8 @@ impl Model {
     ///
     /// The file cannot be read; its robot file cannot be read; or it has a `kind`, but a key, frame or number of it is
     /// wrong.
-    pub fn read(path: &Path) -> Result<Option<Self>, ModelError> {
-        Self::read_locked(path, &Locks::new())
+    pub fn read<'a>(file: impl Into<FileRef<'a>>) -> Result<Option<Self>, ModelError> {
+        Self::read_locked(file, &Locks::new())
     }
 
     /// The same with some joints of its robot locked, besides those that the file locks.
@@ -175,11 +175,13 @@ impl Model {
     /// # Errors
     ///
     /// As [`read`](Self::read); also where the robot of the file has no such joint.
-    pub fn read_locked(path: &Path, locks: &Locks) -> Result<Option<Self>, ModelError> {
-        if is_robot_file(path) {
-            return Ok(Some(What::Any(description::read(path, locks)?).into()));
+    pub fn read_locked<'a>(file: impl Into<FileRef<'a>>, locks: &Locks) -> Result<Option<Self>, ModelError> {
+        let file = file.into();
+        let source = Source::read_lossy::<String>(&file)?;
+        if is_robot(&source) {
+            return Ok(Some(What::Any(description::of_source(source, locks)?).into()));
         }
-        let source = Source::read(path)?;
+        let source = Source::read(&file)?;
         let table = source.text().parse::<toml::Table>().ok();
         if !table.is_some_and(|table| table.get("kind").is_some_and(toml::Value::is_str)) {
             return Ok(None);
@@ -202,9 +204,9 @@ impl Model {
     }
 }
 
-/// Whether a file describes a robot, by its name.
-pub(crate) fn is_robot_file(path: &Path) -> bool {
-    path.extension().is_some_and(|end| ["urdf", "xml"].iter().any(|known| end.eq_ignore_ascii_case(known)))
+/// Whether a file describes a robot alone: it is XML.
+pub(crate) fn is_robot(source: &Source) -> bool {
+    source.is_xml()
 }
 
 impl What {
@@ -256,7 +258,7 @@ fn robot(source: &Source, raw: RawRobot, locks: &Locks) -> Result<What, ModelErr
     locks.extend(raw.lock_mm.iter().map(|(joint, mm)| (joint.clone(), 1e-3 * mm)));
     let path = source.companion(raw.urdf.get_ref());
     let named = |error: DescriptionError| source.wrong(raw.urdf.span(), error.to_string());
-    let robot = description::read(&path, &locks).map_err(named)?;
+    let robot = description::read(source.files().file(&path), &locks).map_err(named)?;
     observed(robot, raw).map_err(|wrong| wrong.at(source))
 }
 

@@ -17,9 +17,7 @@ use super::error::ReadError;
 use super::log::{self, LogError};
 use super::mcap::Log;
 use super::{Run, Sample};
-
-/// Most bytes that a compressed file may expand to.
-const MAX_EXPANDED: u64 = 1 << 30;
+use darm_robot::files::{FileRef, Limits};
 
 /// The table in a file.
 pub(super) struct Content {
@@ -31,15 +29,16 @@ pub(super) struct Content {
 
 /// The table in a file, expanded when its name ends in `.gz`, as text when it ends in `.mcap`. A file that ends early
 /// gives the rows that are complete.
-pub(super) fn content(path: &Path) -> Result<Content, ReadError> {
+pub(super) fn content(file: &FileRef<'_>) -> Result<Content, ReadError> {
+    let (path, limits) = (file.path, file.files.limits());
     let io = |error| ReadError::Io { path: path.into(), error };
     let ends_in = |end: &str| path.extension().is_some_and(|own| own == end);
-    let mut text = std::fs::read(path).map_err(io)?;
+    let mut text = file.bytes().map_err(io)?;
     let mut cut = false;
     if ends_in("gz") {
-        (text, cut) = expanded(&text, MAX_EXPANDED).map_err(io)?;
+        (text, cut) = expanded(&text, &limits).map_err(io)?;
     } else if ends_in("mcap") {
-        let log = log::to_text_of_complete_rows(&text);
+        let log = log::text_within(&text, &limits);
         (text, cut) = log.map_err(|error| ReadError::Log { path: path.into(), error })?;
         return Ok(Content { text, cut });
     }
@@ -52,13 +51,11 @@ pub(super) fn content(path: &Path) -> Result<Content, ReadError> {
 }
 
 /// Compressed text, and whether it ends early; an error where not even its beginning can be read, or where it is longer than
-/// `max_bytes`.
-fn expanded(bytes: &[u8], max_bytes: u64) -> io::Result<(Vec<u8>, bool)> {
+/// the limit.
+fn expanded(bytes: &[u8], limits: &Limits) -> io::Result<(Vec<u8>, bool)> {
     let mut text = Vec::new();
-    match MultiGzDecoder::new(bytes).take(max_bytes + 1).read_to_end(&mut text) {
-        Ok(length) if length as u64 > max_bytes => {
-            Err(io::Error::other("it expands to more than 1 GiB; record less at once, or keep every tenth row"))
-        }
+    match MultiGzDecoder::new(bytes).take(limits.bytes + 1).read_to_end(&mut text) {
+        Ok(length) if length as u64 > limits.bytes => Err(io::Error::other(limits.too_large())),
         Ok(_) => Ok((text, false)),
         Err(error) if error.kind() == io::ErrorKind::UnexpectedEof && !text.is_empty() => Ok((text, true)),
         Err(error) => Err(error),
@@ -78,15 +75,17 @@ fn is_last_row_short(text: &[u8]) -> bool {
 /// # Errors
 ///
 /// The file cannot be read or decompressed, or its name ends in `.mcap` and it is not a sound log.
-pub fn about(path: &Path) -> Result<BTreeMap<String, String>, ReadError> {
+pub fn about<'a>(file: impl Into<FileRef<'a>>) -> Result<BTreeMap<String, String>, ReadError> {
+    let file = file.into();
+    let path = file.path;
     if path.extension().is_some_and(|end| end == "mcap") {
-        let bytes = std::fs::read(path).map_err(|error| ReadError::Io { path: path.into(), error })?;
-        let log = Log::read_complete_records(&bytes);
+        let bytes = file.bytes().map_err(|error| ReadError::Io { path: path.into(), error })?;
+        let log = Log::read_within(&bytes, &file.files.limits());
         return log
             .map(|(log, _)| log.metadata)
             .map_err(|error| ReadError::Log { path: path.into(), error: LogError::Mcap(error) });
     }
-    let text = content(path)?.text;
+    let text = content(&file)?.text;
     Ok(log::about(String::from_utf8_lossy(&text).lines()).into_iter().collect())
 }
 
@@ -196,7 +195,8 @@ mod tests {
         encoder.write_all(&[b'0'; 10_000]).unwrap();
         let bomb = encoder.finish().unwrap();
         assert!(bomb.len() < 100);
-        assert_eq!(expanded(&bomb, 10_000).unwrap(), (vec![b'0'; 10_000], false));
-        assert!(expanded(&bomb, 9_999).unwrap_err().to_string().contains("more than 1 GiB"));
+        let limits = |bytes| Limits { bytes, ..Limits::SERVER };
+        assert_eq!(expanded(&bomb, &limits(10_000)).unwrap(), (vec![b'0'; 10_000], false));
+        assert!(expanded(&bomb, &limits(9_999)).unwrap_err().to_string().contains("expands to more than"));
     }
 }

@@ -14,6 +14,7 @@ use std::collections::BTreeMap;
 use std::iter;
 
 use darm_robot::csv_table::with_line_end;
+use darm_robot::files::Limits;
 use serde_json::{Map, Value, json};
 
 use super::column::{meaning_of, name_parts};
@@ -53,6 +54,9 @@ pub enum LogError {
         /// Number of the message in the log, from 1.
         number: usize,
     },
+    /// It has more than is read into memory.
+    #[error("{0}")]
+    TooLarge(String),
     /// The text is no table.
     #[error("not a table of comma-separated values: {0}")]
     Table(#[from] csv::Error),
@@ -64,7 +68,7 @@ pub enum LogError {
 ///
 /// The bytes are not a complete MCAP log, a topic is not encoded as `json`, or a message is not a JSON object.
 pub fn to_text(log: &[u8]) -> Result<Vec<u8>, LogError> {
-    table(&Log::read(log)?)
+    table(&Log::read(log)?, &Limits::COMMAND)
 }
 
 /// The table of a log that may end early, and whether it does.
@@ -73,13 +77,19 @@ pub fn to_text(log: &[u8]) -> Result<Vec<u8>, LogError> {
 ///
 /// As [`to_text`], but for a log that is cut; one that is cut before its first message is an error.
 pub fn to_text_of_complete_rows(log: &[u8]) -> Result<(Vec<u8>, bool), LogError> {
-    match Log::read_complete_records(log)? {
+    text_within(log, &Limits::COMMAND)
+}
+
+/// The same within other limits.
+pub(super) fn text_within(log: &[u8], limits: &Limits) -> Result<(Vec<u8>, bool), LogError> {
+    match Log::read_within(log, limits)? {
         (log, true) if log.messages.is_empty() => Err(McapError::Cut(0).into()),
-        (log, cut) => Ok((table(&log)?, cut)),
+        (log, cut) => Ok((table(&log, limits)?, cut)),
     }
 }
 
-fn table(log: &Log) -> Result<Vec<u8>, LogError> {
+fn table(log: &Log, limits: &Limits) -> Result<Vec<u8>, LogError> {
+    let mut n_values = 0;
     let mut rows: BTreeMap<u64, Vec<(String, String, String)>> = BTreeMap::new();
     let mut columns: Vec<(String, String)> = Vec::new();
     let mut last = BTreeMap::new();
@@ -90,6 +100,11 @@ fn table(log: &Log) -> Result<Vec<u8>, LogError> {
             return Err(LogError::Encoding { topic, encoding: channel.encoding.clone() });
         }
         let none = LogError::Message { topic: topic.clone(), number: number + 1 };
+        // Before they are parsed: a value takes up to 100 times its text.
+        n_values += max_values(&message.data);
+        if n_values > limits.cells {
+            return Err(LogError::TooLarge(limits.too_many_cells()));
+        }
         let Ok(Value::Object(object)) = serde_json::from_slice(&message.data) else { return Err(none) };
         // Several messages of one topic at one time are several rows.
         let time = last.get(&topic).map_or(message.log_time, |before: &u64| (before + 1).max(message.log_time));
@@ -101,6 +116,10 @@ fn table(log: &Log) -> Result<Vec<u8>, LogError> {
                 columns.push(column);
             }
             row.push((topic.clone(), key, cell));
+        }
+        // Cells that a row does not have are empty, and there.
+        if !limits.has_room_for(rows.len(), columns.len()) {
+            return Err(LogError::TooLarge(limits.too_many_cells()));
         }
     }
     let name = |(topic, key): &(String, String)| match columns.iter().filter(|(_, other)| other == key).count() {
@@ -118,6 +137,11 @@ fn table(log: &Log) -> Result<Vec<u8>, LogError> {
         own.into_iter().chain(columns.iter().map(cell)).collect()
     });
     Ok(csv_text(iter::once(header).chain(lines)).into_bytes())
+}
+
+/// At least as many values as a JSON text has, counted without parsing it.
+pub fn max_values(json: &[u8]) -> usize {
+    1 + json.iter().filter(|byte| matches!(byte, b',' | b'[' | b'{' | b':')).count()
 }
 
 /// The columns of an object and what is in them.
@@ -257,13 +281,13 @@ mod tests {
     fn topics_are_joined_by_time_and_lists_are_numbered() {
         let joints = ("/joints", "json", 1_000_000_000, r#"{"q": [1, 2], "base": {"px": 3}}"#);
         let log = log_of(&[joints, ("/torques", "json", 1_000_000_000, r#"{"tau": [4, 5]}"#)]);
-        let text = String::from_utf8(table(&log).unwrap()).unwrap();
+        let text = String::from_utf8(table(&log, &Limits::COMMAND).unwrap()).unwrap();
         assert_eq!(text, "time_s,base_px,q1,q2,tau1,tau2\n1.000000000,3,1,2,4,5\n");
     }
 
     #[test]
     fn another_encoding_is_refused_by_name() {
-        let error = table(&log_of(&[("/imu", "cdr", 0, "")])).unwrap_err().to_string();
+        let error = table(&log_of(&[("/imu", "cdr", 0, "")]), &Limits::COMMAND).unwrap_err().to_string();
         assert!(error.contains("/imu") && error.contains("cdr"), "{error}");
     }
 

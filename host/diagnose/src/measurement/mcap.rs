@@ -28,6 +28,7 @@ use std::collections::BTreeMap;
 use std::io::Read;
 
 use crc::{CRC_32_ISO_HDLC, Crc};
+use darm_robot::files::Limits;
 
 pub use write::Writer;
 
@@ -35,8 +36,8 @@ pub use write::Writer;
 pub const MAGIC: [u8; 8] = [0x89, b'M', b'C', b'A', b'P', b'0', b'\r', b'\n'];
 /// The check sum of chunks, data and summary.
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
-/// The chunks of a log may expand to as many bytes.
-const MAX_EXPANDED: u64 = 1 << 30;
+/// Most keys of the metadata of a log.
+const MAX_METADATA: usize = 10_000;
 
 /// Why bytes are no container.
 #[derive(Debug, thiserror::Error)]
@@ -51,7 +52,7 @@ pub enum McapError {
     #[error("a chunk in the compression `{0}` cannot be expanded; known are none, zstd and lz4")]
     Compression(String),
     /// Chunks that expand to more than memory is given for.
-    #[error("the chunks expand to more than 1 GiB; split the log")]
+    #[error("the log has more messages or metadata, or its chunks expand to more bytes, than are read; split the log")]
     TooLarge,
     /// A chunk in a chunk, which the format does not know.
     #[error("a chunk is inside another one: the log is damaged")]
@@ -154,10 +155,19 @@ impl Log {
     ///
     /// As [`read`](Self::read), but for an early end.
     pub fn read_complete_records(bytes: &[u8]) -> Result<(Self, bool), McapError> {
+        Self::read_within(bytes, &Limits::COMMAND)
+    }
+
+    /// The same within other limits: each message takes memory as a cell of a table does.
+    ///
+    /// # Errors
+    ///
+    /// As [`read_complete_records`](Self::read_complete_records).
+    pub fn read_within(bytes: &[u8], limits: &Limits) -> Result<(Self, bool), McapError> {
         let mut log = Self::default();
         let records = bytes.strip_prefix(&MAGIC).ok_or(McapError::Magic)?;
         let complete = records.strip_suffix(&MAGIC);
-        let mut room = Room { left: MAX_EXPANDED, is_in_chunk: false };
+        let mut room = Room { left: limits.bytes, messages: limits.cells, is_in_chunk: false };
         let cut = match log.records(complete.unwrap_or(records), &mut room) {
             Err(McapError::Cut(_)) => true,
             end => end.map(|()| complete.is_none())?,
@@ -204,7 +214,10 @@ impl Log {
         match opcode {
             3 => self.schema(&mut content).ok_or(cut),
             4 => self.channel(&mut content).ok_or(cut),
-            5 => self.message(&mut content).ok_or(cut),
+            5 => {
+                room.messages = room.messages.checked_sub(1).ok_or(McapError::TooLarge)?;
+                self.message(&mut content).ok_or(cut)
+            }
             6 if room.is_in_chunk => Err(McapError::Nested),
             6 => {
                 let Some(Chunk { mut crc, compression, records }) = chunk(&mut content) else { return Err(cut) };
@@ -216,6 +229,7 @@ impl Log {
                 room.is_in_chunk = false;
                 Ok(())
             }
+            12 if self.metadata.len() > MAX_METADATA => Err(McapError::TooLarge),
             12 => self.metadata(&mut content).ok_or(cut),
             _ => Ok(()),
         }
@@ -225,7 +239,7 @@ impl Log {
         let _name = content.text()?;
         let length = u32::from_le_bytes(content.array()?);
         let mut pairs = Bytes(content.take(length as usize)?);
-        while !pairs.0.is_empty() {
+        while !pairs.0.is_empty() && self.metadata.len() <= MAX_METADATA {
             self.metadata.insert(pairs.text()?, pairs.text()?);
         }
         Some(())
@@ -251,9 +265,10 @@ impl Log {
     }
 }
 
-/// Where records are read, and how many bytes chunks may still expand to.
+/// Where records are read, and how many bytes chunks may still expand to, and how many messages there may still be.
 struct Room {
     left: u64,
+    messages: usize,
     is_in_chunk: bool,
 }
 

@@ -1,11 +1,11 @@
 //! Poses of the tool read from a table: one visit of a word a row.
 
-use std::path::Path;
 use std::str::FromStr;
 
 use darm_core::real::Vec3;
 use darm_core::se::{Pose, Pose2};
 use darm_core::units::Word;
+use darm_robot::files::FileRef;
 
 use super::column::Column;
 use super::condition::{UnreadCondition, unread};
@@ -41,8 +41,8 @@ pub struct Which {
 /// # Errors
 ///
 /// The file cannot be read, is not a table or has no rows; or as [`of_table`].
-pub fn read(path: &Path, names: &Names, which: &Which) -> Result<(Run, Vec<Finding>), ReadError> {
-    let (table, mut about_file) = Table::read(path, names)?;
+pub fn read<'a>(file: impl Into<FileRef<'a>>, names: &Names, which: &Which) -> Result<(Run, Vec<Finding>), ReadError> {
+    let (table, mut about_file) = Table::read(file, names)?;
     // That a row repeats the one before is reported where poses are checked, with what the arm knows.
     about_file.retain(|finding| finding.line.is_none());
     let (run, findings) = of_table(&table, which)?;

@@ -29,10 +29,12 @@
 //! Cells that are no numbers are words: any column may group, select or hold out rows.
 
 use std::collections::BTreeMap;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use darm_robot::csv_table::{CsvError, CsvFault, csv_error, place_of, with_line_end};
+use darm_robot::files::{FileRef, Limits};
 use darm_robot::source::Fault;
 
 use super::column::{Column, name_parts};
@@ -69,9 +71,10 @@ impl Table {
     /// # Errors
     ///
     /// The file cannot be read or decompressed; or as [`read_text`](Self::read_text).
-    pub fn read(path: &Path, names: &Names) -> Result<(Self, Vec<Finding>), ReadError> {
-        let content = content(path)?;
-        let (table, mut findings) = Self::read_text(path, &content.text, names)?;
+    pub fn read<'a>(file: impl Into<FileRef<'a>>, names: &Names) -> Result<(Self, Vec<Finding>), ReadError> {
+        let file = file.into();
+        let content = content(&file)?;
+        let (table, mut findings) = Self::read_within(file.path, &content.text, names, &file.files.limits())?;
         if content.cut {
             let text = format!(
                 "the file ends early, in the middle of a row; its {} complete rows are read",
@@ -89,11 +92,24 @@ impl Table {
     /// A row is longer or shorter than the header, a column that `names` gives a meaning is missing, or there are no
     /// rows.
     pub fn read_text(path: &Path, text: &[u8], names: &Names) -> Result<(Self, Vec<Finding>), ReadError> {
+        Self::read_within(path, text, names, &Limits::COMMAND)
+    }
+
+    fn read_within(
+        path: &Path,
+        text: &[u8],
+        names: &Names,
+        limits: &Limits,
+    ) -> Result<(Self, Vec<Finding>), ReadError> {
+        let too_large = || ReadError::Io { path: path.into(), error: io::Error::other(limits.too_many_cells()) };
         let text: Arc<[u8]> = with_plain_ends(text).into();
         let wrong = |error| csv_error(path, &text, &error);
         let mut file =
             csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(with_line_end(&text));
         let header = file.headers().map_err(wrong)?.clone();
+        if header.len() > limits.columns {
+            return Err(too_large());
+        }
         if let Some(missing) = names.values().find(|column| !header.iter().any(|name| name == column.as_str())) {
             let present = header.iter().collect::<Vec<_>>().join(", ");
             return Err(ReadError::NoColumn { path: path.into(), column: missing.clone(), present });
@@ -115,6 +131,9 @@ impl Table {
         let (mut lines, mut positions, mut findings, mut before) = (Vec::new(), Vec::new(), Vec::new(), None);
         for record in file.records() {
             let record = record.map_err(wrong)?;
+            if !limits.has_room_for(lines.len() + 1, header.len()) {
+                return Err(too_large());
+            }
             let position = record.position().cloned().unwrap_or_else(csv::Position::new);
             let line = place_of(&text, Some(&position), 0).map_or(0, |place| place.line);
             if before.as_ref() == Some(&record) {

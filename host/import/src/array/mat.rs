@@ -11,8 +11,9 @@ use std::io::Read as _;
 
 use flate2::read::ZlibDecoder;
 
-use super::{Array, MAX_BYTES};
+use super::{Array, Room};
 use crate::error::Fault;
+use darm_robot::files::Limits;
 
 const HEADER_BYTES: usize = 128;
 /// What a file of HDF5 has at its beginning or after a header of MATLAB.
@@ -45,7 +46,7 @@ const NUMERIC: [&str; 10] =
 const OTHERS: [&str; 5] = ["cell", "struct", "object", "text", "sparse matrix"];
 
 /// The variables of a file.
-pub(crate) fn read(bytes: &[u8]) -> Result<Vec<Array>, Fault> {
+pub(crate) fn read(bytes: &[u8], limits: &Limits) -> Result<Vec<Array>, Fault> {
     if bytes.starts_with(HDF5) || bytes.get(512..).is_some_and(|rest| rest.starts_with(HDF5)) {
         let text = "a MAT-file of version 7.3 (HDF5) is not read: save it in MATLAB with save('log.mat', '-v7'), \
                     in Python with scipy.io.savemat";
@@ -58,7 +59,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Vec<Array>, Fault> {
         _ => return Err(no_mat_file()),
     };
     let mut reader = Reader { rest: body, is_big_endian };
-    let (mut arrays, mut left) = (Vec::new(), MAX_BYTES);
+    let (mut arrays, mut room) = (Vec::new(), Room::new(limits));
     while !reader.rest.is_empty() {
         let place = format!("variable {}", arrays.len() + 1);
         let cut = |what: &str| {
@@ -68,8 +69,8 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Vec<Array>, Fault> {
         let expanded;
         let (kind, content) = match kind {
             element::COMPRESSED => {
-                expanded = expand(content, left).map_err(|text| cut(&text))?;
-                left -= expanded.len() as u64;
+                expanded = expand(content, room.bytes).map_err(|text| cut(&text))?;
+                room.bytes -= expanded.len() as u64;
                 let mut inner = Reader { rest: &expanded, is_big_endian };
                 inner.element().ok_or_else(|| cut("it ends early"))?
             }
@@ -78,8 +79,13 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Vec<Array>, Fault> {
         // Objects keep their data in an element of another kind, without a name.
         if kind == element::MATRIX {
             let inside = Reader { rest: content, is_big_endian };
-            let mut found = Variables { is_big_endian, arrays: Vec::new() };
-            found.matrix(inside, "", 0).ok_or_else(|| cut("its parts do not fit together"))?;
+            let mut found = Variables { is_big_endian, arrays: Vec::new(), room, full: None };
+            let fits = found.matrix(inside, "", 0);
+            if let Some(full) = found.full {
+                return Err(full);
+            }
+            fits.ok_or_else(|| cut("its parts do not fit together"))?;
+            room = found.room;
             arrays.extend(found.arrays);
         }
     }
@@ -98,7 +104,7 @@ fn expand(content: &[u8], left: u64) -> Result<Vec<u8>, String> {
     let read = ZlibDecoder::new(content).take(left + 1).read_to_end(&mut bytes);
     read.map_err(|error| format!("it cannot be expanded ({error})"))?;
     match bytes.len() as u64 > left {
-        true => Err("it expands, with the variables before it, to more than 1 GiB".into()),
+        true => Err(format!("it expands, with the variables before it, to more than {} MiB", left >> 20)),
         false => Ok(bytes),
     }
 }
@@ -150,9 +156,17 @@ impl<'a> Reader<'a> {
 struct Variables {
     is_big_endian: bool,
     arrays: Vec<Array>,
+    room: Room,
+    /// Why no more is read.
+    full: Option<Fault>,
 }
 
 impl Variables {
+    /// Takes room for an array, or ends the reading.
+    fn take(&mut self, numbers: usize) -> Option<()> {
+        self.room.take(numbers).map_err(|full| self.full = Some(full)).ok()
+    }
+
     /// Adds the matrix of an element, named `own`, or by itself where that is empty.
     fn matrix(&mut self, mut inside: Reader, own: &str, depth: usize) -> Option<()> {
         if inside.rest.is_empty() {
@@ -166,6 +180,7 @@ impl Variables {
         };
         if !(1..=15).contains(&class) {
             // An opaque object: its name follows at once, and no dimensions.
+            self.take(0)?;
             let name = String::from_utf8_lossy(inside.element()?.1).into_owned();
             self.arrays.push(not_read(if own.is_empty() { &name } else { own }, "object", Vec::new()));
             return Some(());
@@ -174,6 +189,7 @@ impl Variables {
         let named = String::from_utf8_lossy(inside.element()?.1).into_owned();
         let name = if own.is_empty() { named } else { own.into() };
         let n = shape.iter().try_fold(1usize, |n, extent| n.checked_mul(*extent))?;
+        self.take(if (6..=15).contains(&class) { n } else { 0 })?;
         match class {
             2 if depth < MAX_DEPTH && n <= MAX_STRUCTS => self.fields(inside, &name, n, depth)?,
             6..=15 if !is_complex => {

@@ -4,10 +4,11 @@ pub(crate) mod mat;
 pub(crate) mod npy;
 mod python_literal;
 
+use darm_robot::files::Limits;
+
+use crate::error::Fault;
 use crate::recording::{Column, Part};
 
-/// Most bytes that a compressed array may expand to.
-pub(crate) const MAX_BYTES: u64 = 1 << 30;
 /// Most columns of one array: more are samples of an image, say, and no columns of a table.
 const MAX_COLUMNS: usize = 1024;
 
@@ -32,6 +33,29 @@ impl Array {
             [n, m] => Some((n, m)),
             _ => None,
         }
+    }
+}
+
+/// What arrays may still take of memory, of all in a file together.
+pub(crate) struct Room {
+    pub(crate) bytes: u64,
+    numbers: usize,
+    arrays: usize,
+    limits: Limits,
+}
+
+impl Room {
+    pub(crate) fn new(limits: &Limits) -> Self {
+        Self { bytes: limits.bytes, numbers: limits.cells, arrays: limits.columns, limits: *limits }
+    }
+
+    /// Takes an array with so many numbers, before it is read.
+    pub(crate) fn take(&mut self, numbers: usize) -> Result<(), Fault> {
+        let left = self.numbers.checked_sub(numbers).zip(self.arrays.checked_sub(1));
+        let Limits { cells, columns, .. } = self.limits;
+        let text = || format!("the file has more than {cells} numbers or {columns} arrays: save a part of it");
+        (self.numbers, self.arrays) = left.ok_or_else(|| Fault::of_file(text()))?;
+        Ok(())
     }
 }
 

@@ -8,15 +8,16 @@
 use std::io::{Cursor, Read as _};
 
 use super::python_literal::{self, Literal};
-use super::{Array, MAX_BYTES};
+use super::{Array, Room};
 use crate::error::Fault;
+use darm_robot::files::Limits;
 
 /// What an array begins with.
 pub(crate) const MAGIC: &[u8] = b"\x93NUMPY";
 
 /// The array of a `.npy` file; of records one array for each field.
-pub(crate) fn read(name: &str, bytes: &[u8]) -> Result<Vec<Array>, Fault> {
-    match read_array(name, bytes)? {
+pub(crate) fn read(name: &str, bytes: &[u8], limits: &Limits) -> Result<Vec<Array>, Fault> {
+    match read_array(name, bytes, &mut Room::new(limits))? {
         Content::Numbers(arrays) => Ok(arrays),
         Content::OtherType(unread) => Err(Fault::at(format!("array {name}"), unread.0)),
     }
@@ -31,7 +32,7 @@ enum Content {
 /// A type that is not read, as a sentence.
 struct OtherType(String);
 
-fn read_array(name: &str, bytes: &[u8]) -> Result<Content, Fault> {
+fn read_array(name: &str, bytes: &[u8], room: &mut Room) -> Result<Content, Fault> {
     let fault = |text: String| Fault::at(format!("array {name}"), text);
     let cut = || fault("the file ends within its header: it is damaged, copy or save it again".into());
     let rest = bytes.strip_prefix(MAGIC).ok_or_else(|| fault("the bytes do not begin as an array of NumPy".into()))?;
@@ -59,6 +60,9 @@ fn read_array(name: &str, bytes: &[u8]) -> Result<Content, Fault> {
         );
         return Err(fault(text));
     }
+    for _ in &fields {
+        room.take(n)?;
+    }
     let order = order(&shape, is_fortran);
     let array = |field: &Field| {
         let number = |at: &usize| field.kind.number(&data[at * size + field.offset..]);
@@ -69,34 +73,36 @@ fn read_array(name: &str, bytes: &[u8]) -> Result<Content, Fault> {
 }
 
 /// The arrays of a `.npz` file.
-pub(crate) fn read_archive(bytes: &[u8]) -> Result<Vec<Array>, Fault> {
+pub(crate) fn read_archive(bytes: &[u8], limits: &Limits) -> Result<Vec<Array>, Fault> {
     let damaged = |error: zip::result::ZipError| {
         Fault::of_file(format!(
             "no ZIP archive that can be read ({error}): copy the file again, or save it again with numpy.savez"
         ))
     };
     let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).map_err(damaged)?;
-    let (mut arrays, mut left) = (Vec::new(), MAX_BYTES);
+    let (mut arrays, mut room) = (Vec::new(), Room::new(limits));
     for index in 0..archive.len() {
         let entry = archive.by_index(index).map_err(damaged)?;
         let name = entry.name().map_err(damaged)?.trim_end_matches(".npy").to_owned();
         let fault = |text: String| Fault::at(format!("array {name}"), text);
         let mut content = Vec::new();
-        let read = entry.take(left + 1).read_to_end(&mut content);
+        let read = entry.take(room.bytes + 1).read_to_end(&mut content);
         read.map_err(|error| fault(format!("cannot be expanded ({error}): the file is damaged, save it again")))?;
-        left = left
-            .checked_sub(content.len() as u64)
-            .ok_or_else(|| fault("expands, with the arrays before it, to more than 1 GiB: save a part of it".into()))?;
-        arrays.extend(read_member(&name, &content)?);
+        let text = || {
+            format!("expands, with the arrays before it, to more than {} MiB: save a part of it", limits.bytes >> 20)
+        };
+        room.bytes = room.bytes.checked_sub(content.len() as u64).ok_or_else(|| fault(text()))?;
+        arrays.extend(read_member(&name, &content, &mut room)?);
     }
     Ok(arrays)
 }
 
 /// An array of an archive; of a type that is not read an array without numbers whose type says so.
-fn read_member(name: &str, content: &[u8]) -> Result<Vec<Array>, Fault> {
-    Ok(match read_array(name, content)? {
+fn read_member(name: &str, content: &[u8], room: &mut Room) -> Result<Vec<Array>, Fault> {
+    Ok(match read_array(name, content, room)? {
         Content::Numbers(arrays) => arrays,
         Content::OtherType(OtherType(kind)) => {
+            room.take(0)?;
             vec![Array { name: name.into(), kind, shape: Vec::new(), numbers: None }]
         }
     })

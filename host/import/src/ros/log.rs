@@ -6,8 +6,9 @@ use std::collections::BTreeMap;
 
 use darm_core::real::{Mat3, Vec3};
 use darm_core::se::rotation_log;
-use darm_diagnose::measurement::log::cells;
+use darm_diagnose::measurement::log::{cells, max_values};
 use darm_diagnose::measurement::mcap::{Channel, Log};
+use darm_robot::files::Limits;
 use serde_json::Value;
 
 use super::message::{self, Message};
@@ -32,10 +33,10 @@ struct Topic {
 }
 
 /// The topics of logs that belong together, one after the other, and notes.
-pub(crate) fn read(files: &[Vec<u8>]) -> Result<(Vec<Part>, Vec<String>), Fault> {
+pub(crate) fn read(files: &[Vec<u8>], limits: &Limits) -> Result<(Vec<Part>, Vec<String>), Fault> {
     let (mut topics, mut notes): (BTreeMap<String, Topic>, Vec<String>) = (BTreeMap::new(), Vec::new());
     for bytes in files {
-        let (log, is_cut) = Log::read_complete_records(bytes).map_err(|error| Fault::of_file(error.to_string()))?;
+        let (log, is_cut) = Log::read_within(bytes, limits).map_err(|error| Fault::of_file(error.to_string()))?;
         if is_cut {
             let text = format!(
                 "the log ends in the middle of a record; its {} complete messages are read",
@@ -43,7 +44,7 @@ pub(crate) fn read(files: &[Vec<u8>]) -> Result<(Vec<Part>, Vec<String>), Fault>
             );
             notes.push(text);
         }
-        add(&log, &mut topics)?;
+        add(&log, &mut topics, limits)?;
     }
     for (name, topic) in &mut topics {
         let n_back = topic.sort();
@@ -61,7 +62,8 @@ pub(crate) fn read(files: &[Vec<u8>]) -> Result<(Vec<Part>, Vec<String>), Fault>
     Ok((parts, notes))
 }
 
-fn add(log: &Log, topics: &mut BTreeMap<String, Topic>) -> Result<(), Fault> {
+fn add(log: &Log, topics: &mut BTreeMap<String, Topic>, limits: &Limits) -> Result<(), Fault> {
+    let mut n_values: usize = topics.values().map(|topic| topic.rows.len() * topic.names.len()).sum();
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     for message in &log.messages {
         let Some(channel) = log.channels.get(&message.channel) else { continue };
@@ -73,6 +75,15 @@ fn add(log: &Log, topics: &mut BTreeMap<String, Topic>) -> Result<(), Fault> {
             topic.kind.clone_from(&channel.schema);
         } else if topic.kind != channel.schema {
             return Err(Fault::at(place(), format!("the type {} differs from {} before", channel.schema, topic.kind)));
+        }
+        // A value takes up to 100 times its text: counted before it is parsed. Cells that a row does not have are there too.
+        n_values += match channel.encoding.as_str() {
+            "json" => max_values(&message.data),
+            "cdr" if message::is_known(&channel.schema) => 1 + message.data.len() / 8,
+            _ => 1,
+        };
+        if n_values > limits.cells || !limits.has_room_for(topic.rows.len(), topic.names.len()) {
+            return Err(Fault::of_file(limits.too_many_cells()));
         }
         let log_ns = i64::try_from(message.log_time).unwrap_or(i64::MAX);
         topic.message(channel, &message.data, log_ns).map_err(|text| Fault::at(place(), text))?;

@@ -16,6 +16,7 @@ use darm_import::mapping::{Entry, Mapping, Scale};
 use darm_import::read::Dialect;
 use darm_import::unit::{self, Unit};
 use darm_import::{ImportError, Recording, proposal, table};
+use darm_robot::files::{FileRef, Files};
 use serde::Serialize;
 
 use crate::upload::ReadAs;
@@ -85,9 +86,17 @@ enum Reader {
 
 /// A file as it is diagnosed.
 pub(super) struct Readable {
+    pub(super) files: Files,
     pub(super) data: PathBuf,
     pub(super) names: Names,
     notes: Vec<String>,
+}
+
+impl Readable {
+    /// A file as it was sent.
+    fn own(file: &FileRef<'_>, names: Names) -> Self {
+        Self { files: file.files.clone(), data: file.path.into(), names, notes: Vec::new() }
+    }
 }
 
 /// A log as its columns are read.
@@ -107,20 +116,10 @@ pub(super) enum LogFault {
     Unit(String),
     #[error("two columns are read as {0}; choose what one of them is not to be")]
     Twice(String),
-    #[error("{}: {error}", path.display())]
-    Write { path: PathBuf, error: std::io::Error },
-}
-
-impl LogView {
-    /// The same with its sentences changed.
-    pub(super) fn with_texts(mut self, change: impl Fn(&str) -> String) -> Self {
-        self.problem.iter_mut().chain(&mut self.notes).for_each(|text| *text = change(text));
-        self
-    }
 }
 
 /// What is in a log, with its columns read as `given`, or as their names say where nothing is given.
-pub(super) fn view(data: &Path, given: &[ReadAs]) -> Result<LogView, LogFault> {
+pub(super) fn view(data: &FileRef<'_>, given: &[ReadAs]) -> Result<LogView, LogFault> {
     let reader = Reader::of(data)?;
     let columns = if given.is_empty() { reader.proposed() } else { reader.completed(given) };
     let Read { overview, mut notes, problem } = reader.overview(data, &columns);
@@ -151,12 +150,12 @@ fn is_of_rows(finding: &&Finding) -> bool {
 }
 
 /// The file that is diagnosed, with its columns read as `given`.
-pub(super) fn readable(data: &Path, given: &[ReadAs]) -> Result<Readable, LogFault> {
+pub(super) fn readable(data: &FileRef<'_>, given: &[ReadAs]) -> Result<Readable, LogFault> {
     if let Some(fault) = darm_import::read::mat_fault(data) {
         return Err(fault.into());
     }
     if given.is_empty() {
-        return Ok(Readable { data: data.into(), names: Names::new(), notes: Vec::new() });
+        return Ok(Readable::own(data, Names::new()));
     }
     let reader = Reader::of(data)?;
     reader.readable(data, &reader.completed(given))
@@ -180,7 +179,7 @@ pub(super) fn no_quantity(path: &Path, column: &str) -> String {
 }
 
 impl Reader {
-    fn of(data: &Path) -> Result<Self, LogFault> {
+    fn of(data: &FileRef<'_>) -> Result<Self, LogFault> {
         let own = Table::read(data, &Names::new()).map(|(table, _)| table);
         match own {
             Ok(table) if is_own(data) => Ok(Self::Own(Box::new(table))),
@@ -229,7 +228,7 @@ impl Reader {
         self.proposed().into_iter().map(by_name).collect()
     }
 
-    fn readable(&self, data: &Path, columns: &[ReadAs]) -> Result<Readable, LogFault> {
+    fn readable(&self, data: &FileRef<'_>, columns: &[ReadAs]) -> Result<Readable, LogFault> {
         let recording = match self {
             Self::Own(table) => {
                 let changed = || columns.iter().zip(&table.columns).filter(|(read_as, own)| !is_own_name(read_as, own));
@@ -237,7 +236,7 @@ impl Reader {
                     return Err(LogFault::Twice(twice.quantity.clone()));
                 }
                 let names = changed().map(|(read_as, own)| (name(read_as), own.name.clone())).collect();
-                return Ok(Readable { data: data.into(), names, notes: Vec::new() });
+                return Ok(Readable::own(data, names));
             }
             Self::Import(recording) => recording,
         };
@@ -245,20 +244,19 @@ impl Reader {
         let mapping = Mapping { entries: entries.collect::<Result<_, _>>()?, units: Vec::new() };
         let converted = table::Table::new(std::slice::from_ref(&**recording), &mapping)?;
         // Errors name the file that the person has sent.
-        let folder = data.with_file_name("converted");
-        let path = folder.join(data.file_name().expect("a sent file has a name")).with_extension("csv");
-        std::fs::create_dir_all(&folder)
-            .and_then(|()| std::fs::write(&path, converted.text()))
-            .map_err(|error| LogFault::Write { path: path.clone(), error })?;
-        Ok(Readable { data: path, names: Names::new(), notes: converted.notes })
+        let name = data.path.file_name().expect("a sent file has a name");
+        let path = Path::new("converted").join(name).with_extension("csv");
+        let files = data.files.clone().with(&path, converted.text().into_bytes());
+        Ok(Readable { files, data: path, names: Names::new(), notes: converted.notes })
     }
 
-    fn overview(&self, data: &Path, columns: &[ReadAs]) -> Read {
+    fn overview(&self, data: &FileRef<'_>, columns: &[ReadAs]) -> Read {
         let nothing = |notes, problem| Read { overview: None, notes, problem: Some(problem) };
-        let Readable { data, names, notes } = match self.readable(data, columns) {
+        let Readable { files, data, names, notes } = match self.readable(data, columns) {
             Ok(readable) => readable,
             Err(fault) => return nothing(Vec::new(), fault.to_string()),
         };
+        let data = files.file(&data);
         let overview = match overview::overview(&data, &names, &Preparation::default()) {
             Ok(overview) => overview,
             Err(error) => return nothing(notes, without_option(&error)),
@@ -304,7 +302,7 @@ impl Reader {
 }
 
 /// Whether a file is one of `darm record`, or has all columns for a diagnosis under their own names.
-fn is_own(data: &Path) -> bool {
+fn is_own(data: &FileRef<'_>) -> bool {
     let origin = about(data).is_ok_and(|about| Origin::find(&about).is_some());
     let has_all =
         || overview::overview(data, &Names::new(), &Preparation::default()).is_ok_and(|o| !o.possible.is_empty());

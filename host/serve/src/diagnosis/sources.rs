@@ -1,6 +1,7 @@
 //! What a diagnosis is made from: the files of an upload, or a model that the server has.
 
 use std::fmt;
+use std::path::Path;
 
 use darm_diagnose::diagnosis::SignalOptions;
 use darm_diagnose::error::{DiagnoseError, sentence};
@@ -8,7 +9,6 @@ use darm_diagnose::files::{FileDiagnosis, FileOptions, Files, FilesError, Subjec
 use darm_diagnose::measurement::ReadError;
 use darm_diagnose::progress::Progress;
 
-use super::folder::Folder;
 use super::{log, models};
 use crate::hub::Hub;
 use crate::refusal::{Kind, Refused};
@@ -42,21 +42,22 @@ impl<'a> Sources<'a> {
         self.known.as_ref().map_or_else(|| self.upload.bytes(&self.model), |text| text.as_bytes())
     }
 
-    /// The diagnosis, with the files in a folder.
-    pub(super) fn diagnose(&self, folder: &Folder, progress: &Progress) -> Result<FileDiagnosis, Refused> {
-        let data = folder.write_upload(self.upload)?;
+    /// The diagnosis of the files that were sent, and of no others.
+    pub(super) fn diagnose(&self, progress: &Progress) -> Result<FileDiagnosis, Refused> {
+        let invalid = |text: String| Refused::new(Kind::Invalid, text);
+        let (model, data) = (Path::new(&self.model), Path::new(&self.upload.data));
+        let mut sent = self.upload.handed();
         if let Some(text) = &self.known {
-            folder.write(&self.model, text)?;
+            sent = sent.with(model, text.clone().into_bytes());
         }
-        let model = folder.path().join(&self.model);
-        let read = log::readable(&data, &self.upload.columns).map_err(|fault| folder.refusal(&fault.to_string()))?;
+        let read = log::readable(&sent.file(data), &self.upload.columns).map_err(|fault| invalid(fault.to_string()))?;
         let how = FileOptions {
             names: read.names,
             rows: SignalOptions { seed: SEED, progress: progress.clone(), ..SignalOptions::default() },
             accepts_other_model: self.upload.accepts_other_model,
         };
-        let files = Files { model: &model, data: &read.data };
-        let subject = Subject::read(&model).map_err(|error| match self.missing(folder) {
+        let files = Files { model: sent.file(model), data: read.files.file(&read.data) };
+        let subject = Subject::read(&files.model).map_err(|error| match self.missing(&sent) {
             Some(name) => Refused::new(
                 Kind::Invalid,
                 format!(
@@ -64,16 +65,16 @@ impl<'a> Sources<'a> {
                     self.model
                 ),
             ),
-            None => folder.refusal(&without_option(&error)),
+            None => invalid(without_option(&error)),
         })?;
-        files.diagnose(subject, &how).map_err(|error| folder.refusal(&without_option(&error)))
+        files.diagnose(subject, &how).map_err(|error| invalid(without_option(&error)))
     }
 
     /// A robot that the text of the model names in quotes and that was not sent.
-    fn missing(&self, folder: &Folder) -> Option<&str> {
+    fn missing(&self, sent: &darm_robot::files::Files) -> Option<&str> {
         let pieces = std::str::from_utf8(self.model_bytes()).ok()?.split(['"', '\'']);
         let mut robots = pieces.filter(|piece| [".urdf", ".xml"].iter().any(|end| piece.ends_with(end)));
-        robots.find(|name| !folder.path().join(name).is_file())
+        robots.find(|name| !sent.has(Path::new(name)))
     }
 }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use darm_core::output::{ActuatorWiring, Wiring};
+use darm_core::output::{ActuatorWiring, CoilLimit, Wiring};
 use darm_core::sequencer::ServoSeen;
 use darm_core::units::{Digest, Micros, Word};
 use darm_core::wire::message::{Hello, OutputState, Status};
@@ -220,12 +220,27 @@ impl Observer {
                 .map(|coil| drive_name(&coil.drive)),
             is_on: coil.map(|_| since_s.is_some()),
             on_s: since_s.map(|since_s| now_s - since_s),
-            left_s: seconds(state.left_ms),
-            allowed_s: 0.01 * f64::from(state.limit.duty_percent) * seconds(state.limit.window_ms),
+            left_s: left_s(
+                seconds(state.left_ms),
+                seconds(state.limit.max_on_ms),
+                since_s.map(|since_s| now_s - since_s),
+            ),
+            allowed_s: allowed_s(&state.limit),
             recovery_s: seconds(state.recovery_ms),
             limit: state.limit.into(),
         }
     }
+}
+
+/// How long an output may still be on, s: what is left of its window, or of its pulse, whichever ends first.
+fn left_s(in_window_s: f64, max_on_s: f64, on_s: Option<f64>) -> f64 {
+    in_window_s.min(max_on_s - on_s.unwrap_or(0.0)).max(0.0)
+}
+
+/// How long an output may be on at most, when all of its window is free.
+fn allowed_s(limit: &CoilLimit) -> f64 {
+    let [max_on_s, window_s] = [limit.max_on_ms, limit.window_ms].map(|ms| 1e-3 * f64::from(ms));
+    max_on_s.min(0.01 * f64::from(limit.duty_percent) * window_s)
 }
 
 /// Of what was seen at the first look, the first event of the table that the board has now: the beginning of the program that

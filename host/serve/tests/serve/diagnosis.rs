@@ -47,7 +47,7 @@ fn the_result_is_that_of_the_library_and_the_corrected_model_is_complete() {
     let answer = diagnose(&bench, &upload(&["planar4.toml", "planar4-run.csv"]));
     assert_eq!(answer.status, 200, "{}", answer.json());
     let result = answer.json();
-    let files = Files { model: &model, data: &data };
+    let files = Files { model: (&model).into(), data: (&data).into() };
     let own = files.diagnose(Subject::read(&model).unwrap(), &FileOptions::default()).unwrap();
     assert_eq!(result["verdict"], own.diagnosis.verdict.to_string());
     let html = result["html"].as_str().unwrap();

@@ -85,7 +85,7 @@ impl How {
             accepts_other_model: self.other_model,
         };
         let spinner = ui.spinner("diagnosing");
-        let found = Files { model, data }.diagnose(subject, &how);
+        let found = Files { model: model.into(), data: data.into() }.diagnose(subject, &how);
         spinner.finish_and_clear();
         let (found, mut is_written) = (found?, false);
         if let Some(NewModel { path, keep }) = new_model {

@@ -128,7 +128,7 @@ impl From<&OutputState> for OutputReport {
             max_on_s: seconds(state.limit.max_on_ms),
             duty_percent: state.limit.duty_percent,
             window_s: seconds(state.limit.window_ms),
-            left_s: seconds(state.left_ms),
+            left_s: seconds(state.left_ms.min(state.limit.max_on_ms)),
             recovery_s: seconds(state.recovery_ms),
         }
     }
