@@ -46,6 +46,10 @@ pub(crate) struct Job {
     /// Kill `darm serve` this many times while tables are played, and look whether its history has every run that ended
     #[arg(long, value_name = "COUNT")]
     serve: Option<u64>,
+    /// Attack `darm serve`: files that name others, files that expand, uploads that trickle, and a flood of connections for this
+    /// many seconds, with stops of a page with control and by new connections
+    #[arg(long, value_name = "SECONDS")]
+    attack: Option<u64>,
     /// Keep the live page of an arm of 64^6 words open for this many seconds: time on the processor of `darm serve`, time until
     /// the page can be used in Chromium, size of what is embedded
     #[arg(long, value_name = "SECONDS")]
@@ -101,6 +105,13 @@ const SERVE: Injection = Injection {
     batch: 50,
 };
 
+const ATTACK: Injection = Injection {
+    name: "attack",
+    arguments: &["--package", "darm-serve", "--test", "serve", "attack_figures"],
+    variable: "DARM_ATTACK_SECONDS",
+    batch: u64::MAX,
+};
+
 /// No fault: what an open page costs.
 const PAGE: Injection = Injection {
     name: "page",
@@ -128,7 +139,7 @@ impl Faults {
     pub(crate) fn run(&self) -> Result<()> {
         if self.job.parts().is_empty() {
             bail!(
-                "nothing to do: give --kills, --frames, --stops, --pico, --store or --serve, each with a COUNT, or --page SECONDS"
+                "nothing to do: give --kills, --frames, --stops, --pico, --store or --serve, each with a COUNT, or --attack or --page SECONDS"
             );
         }
         items::run(&self.job, &self.spread)
@@ -144,6 +155,7 @@ impl Job {
             (&PICO, self.pico),
             (&STORE, self.store),
             (&SERVE, self.serve),
+            (&ATTACK, self.attack),
             (&PAGE, self.page),
         ];
         let of = |(injection, count): (&'static Injection, Option<u64>)| {
@@ -249,8 +261,16 @@ mod tests {
 
     use super::{Job, Row, row};
 
-    const JOB: Job =
-        Job { kills: Some(120), frames: None, stops: Some(20), pico: None, store: None, serve: Some(60), page: None };
+    const JOB: Job = Job {
+        kills: Some(120),
+        frames: None,
+        stops: Some(20),
+        pico: None,
+        store: None,
+        serve: Some(60),
+        attack: None,
+        page: None,
+    };
 
     #[test]
     fn faults_are_split_into_seeded_parts_that_add_up() {

@@ -25,7 +25,7 @@ use tokio::sync::oneshot;
 use tokio::task::AbortHandle;
 
 /// Most connections at once: a browser opens six.
-pub const MAX_CONNECTIONS: usize = 512;
+pub const MAX_CONNECTIONS: usize = 256;
 /// Connections of the page with control that are kept, the latest: a browser opens six, and nobody takes all places.
 const MAX_KEPT: usize = 8;
 /// How long after a request of the page with control: it renews once a second.

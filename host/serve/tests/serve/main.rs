@@ -3,6 +3,7 @@
 
 mod access;
 mod accessible;
+mod attack;
 mod board;
 mod browser;
 mod diagnosis;
