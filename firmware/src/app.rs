@@ -6,8 +6,8 @@
 //!                    └──► control tick
 //! ```
 //!
-//! Two futures share the console. [`scan`] only receives: it knows a typed `stop` and the stop frame of the bootstrap set
-//! whatever [`work`] is doing, and the control tick obeys within a millisecond. `work` does one thing after the other; while
+//! Two futures share the console. [`scan`] only receives: it knows every form of a stop (typed, the frame of the bootstrap set,
+//! the message) whatever [`work`] is doing, and the control tick obeys within a millisecond. `work` does one thing after the other; while
 //! one lasts a stop is answered at once, and what a typed command still has to print is dropped. Where a piece of work
 //! takes long, `scan` runs at a higher priority; elsewhere [`serve`] runs both.
 //!
@@ -19,8 +19,7 @@ use core::future::{Future, poll_fn};
 use core::pin::pin;
 use core::task::Poll;
 
-use darm_core::wire::bootstrap::{self, ANSWER};
-use darm_core::wire::frame::Header;
+use darm_core::wire::bootstrap;
 use embassy_futures::select::{Either, Either4, select, select4};
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex;
@@ -32,7 +31,7 @@ use embedded_storage_async::nor_flash::NorFlash;
 
 use crate::clock::Clock;
 use crate::control::Shared;
-use crate::dispatch::{Dispatcher, Frame, encode};
+use crate::dispatch::Dispatcher;
 use crate::pipe::Pipe;
 use crate::port::{Item, Port};
 use crate::scan::{Scanner, Stop};
@@ -73,7 +72,7 @@ impl Default for Inbox {
 }
 
 /// Serves the console until somebody asks for a restart; what the board is to start into.
-pub async fn serve<F: NorFlash, C: Clock>(
+pub async fn serve<F: NorFlash, C: Clock + Copy>(
     dispatcher: &mut Dispatcher<'_, '_, F, C>,
     reader: &mut impl Read,
     writer: &mut impl Write,
@@ -86,8 +85,7 @@ pub async fn serve<F: NorFlash, C: Clock>(
     }
 }
 
-/// Receives. What does not fit the inbox is lost, and its sender asks again; a stop never is. Nothing else may stop
-/// `shared`.
+/// Receives. What does not fit the inbox is lost, and its sender asks again; a stop never is.
 pub async fn scan(inbox: &Inbox, shared: &Shared<'_>, reader: &mut impl Read) -> ! {
     let mut scanner = Scanner::default();
     let mut bytes = [0; 64];
@@ -112,12 +110,13 @@ pub async fn scan(inbox: &Inbox, shared: &Shared<'_>, reader: &mut impl Read) ->
 }
 
 /// Does what comes, one thing after the other, until somebody asks for a restart; into what.
-pub async fn work<F: NorFlash, C: Clock>(
+pub async fn work<F: NorFlash, C: Clock + Copy>(
     inbox: &Inbox,
     dispatcher: &mut Dispatcher<'_, '_, F, C>,
     writer: &mut impl Write,
 ) -> bootstrap::RebootTarget {
-    let out = Out { writer: Mutex::new(writer), is_cut: Cell::new(false), cut: Signal::new() };
+    let clock = dispatcher.clock;
+    let out = Out { writer: Mutex::new(writer), clock, is_cut: Cell::new(false), cut: Signal::new() };
     let mut port: Port = Port::default();
     let mut bytes = [0; PIECE];
     loop {
@@ -155,11 +154,11 @@ pub async fn work<F: NorFlash, C: Clock>(
 }
 
 /// Does one thing; true when a stop came meanwhile, which drops what was received before it.
-async fn take<F: NorFlash, C: Clock, W: Write>(
+async fn take<F: NorFlash, C: Clock, K: Clock, W: Write>(
     inbox: &Inbox,
     dispatcher: &mut Dispatcher<'_, '_, F, C>,
     item: Item<'_>,
-    out: &Out<'_, W>,
+    out: &Out<'_, W, K>,
 ) -> bool {
     let shared = dispatcher.shared;
     match item {
@@ -179,10 +178,10 @@ async fn take<F: NorFlash, C: Clock, W: Write>(
 }
 
 /// Waits for the end of a piece of work, and meanwhile answers stops; whether one came.
-async fn watch<T, W: Write>(
+async fn watch<T, K: Clock, W: Write>(
     inbox: &Inbox,
     shared: &Shared<'_>,
-    out: &Out<'_, W>,
+    out: &Out<'_, W, K>,
     work: impl Future<Output = T>,
 ) -> (T, bool) {
     let mut work = pin!(work);
@@ -207,27 +206,19 @@ async fn watch<T, W: Write>(
 }
 
 /// The way out, which a stop takes from the work that prints.
-struct Out<'w, W> {
+struct Out<'w, W, K> {
     writer: Mutex<NoopRawMutex, &'w mut W>,
+    clock: K,
     /// What the work still has to print is dropped.
     is_cut: Cell<bool>,
     cut: Signal<NoopRawMutex, ()>,
 }
 
-impl<W: Write> Out<'_, W> {
-    /// Waits until the outputs are off, then says so.
+impl<W: Write, K: Clock> Out<'_, W, K> {
+    /// Waits until the outputs are off and the servos have their orders, then says so.
     async fn confirm(&self, stop: Stop, shared: &Shared<'_>) {
-        while !shared.has_stopped() {
-            yield_now().await;
-        }
-        match stop {
-            Stop::Typed => self.send(b"ok\r\n").await,
-            Stop::Framed(header) => {
-                let tag = header.tag | ANSWER;
-                let frame: Option<Frame> = encode(Header { tag, ..header }, &[0]);
-                self.send(frame.as_deref().unwrap_or_default()).await;
-            }
-        }
+        let confirmation = stop.obeyed(shared, || self.clock.now()).await;
+        self.send(&confirmation).await;
     }
 
     /// A writer that fails has no reader, so there is nowhere to report it.
@@ -236,11 +227,11 @@ impl<W: Write> Out<'_, W> {
     }
 }
 
-impl<W: Write> ErrorType for &Out<'_, W> {
+impl<W: Write, K> ErrorType for &Out<'_, W, K> {
     type Error = W::Error;
 }
 
-impl<W: Write> Write for &Out<'_, W> {
+impl<W: Write, K> Write for &Out<'_, W, K> {
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, W::Error> {
         if self.is_cut.get() {
             return Ok(bytes.len());

@@ -27,6 +27,7 @@ use darm_core::sequencer::{
 };
 use darm_core::table::Table;
 use darm_core::units::Micros;
+use darm_core::wire::bootstrap::Servos;
 use darm_core::wire::message::OutputState;
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
@@ -178,9 +179,15 @@ impl<'t> Shared<'t> {
         self.stops.load(Ordering::Acquire)
     }
 
-    /// All coils off with the next tick, before any order. One task only may ask.
+    /// All coils off and servos held with the next tick, before any order; connections that are open end.
     pub fn stop(&self) {
-        self.stops.store(self.stops().wrapping_add(1), Ordering::Release);
+        // Not every core adds in one step, and tasks of two priorities may stop.
+        critical_section::with(|_| self.stops.store(self.stops().wrapping_add(1), Ordering::Release));
+    }
+
+    /// What a stop does with the servos of the profile.
+    pub(crate) fn servos(&self) -> Servos {
+        if self.joints().iter().any(Option::is_some) { Servos::Ordered } else { Servos::Absent }
     }
 
     /// Whether all requested stops have been done.
@@ -276,9 +283,7 @@ impl<'t> Control<'t> {
 
     fn execute(&mut self, order: Order<'t>, stops_now: u32) -> Outcome<'t> {
         match order {
-            Order::Command { stops, command } if stops != stops_now && command != Command::Stop => {
-                Outcome::Command(Err(CommandError::Stopped))
-            }
+            Order::Command { stops, .. } if stops != stops_now => Outcome::Command(Err(CommandError::Stopped)),
             Order::Command { command, .. } => Outcome::Command(self.sequencer.command(command)),
             Order::Status => Outcome::Status(self.snapshot()),
             Order::Summary => Outcome::Summary(self.sequencer.table().and_then(summary)),

@@ -28,6 +28,7 @@ use crate::clock::Clock;
 use crate::control::{Numbered, Order, Outcome, Shared};
 use crate::kept::{Kept, past};
 use crate::log::{EventLog, LogMemory};
+use crate::scan::{Confirmation, Stop};
 use crate::servo::CYCLE;
 use crate::store::Store;
 pub(crate) use encode::encode;
@@ -198,6 +199,9 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
             self.note_bad();
             return None;
         };
+        if let Some(stop) = Stop::of(header, payload) {
+            return Some(self.obey(stop).await.iter().copied().collect());
+        }
         let reply = if header.tag == REQUEST {
             self.request(header, payload).await?
         } else if let Some(request) = bootstrap::Request::decode(header.tag, payload) {
@@ -210,15 +214,19 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
         encode(Header { tag, ..header }, &reply)
     }
 
+    /// Obeys a stop that comes as a frame or line of its own, and not through [`crate::app::scan`], which finds every stop before it
+    /// gets here: the same event, the same confirmation.
+    pub(crate) async fn obey(&mut self, stop: Stop) -> Confirmation {
+        self.shared.stop();
+        stop.obeyed(self.shared, || self.clock.now()).await
+    }
+
     async fn bootstrap(&mut self, request: bootstrap::Request) -> Payload {
         match request {
             bootstrap::Request::Identify => payload(&self.board.identity.encode()),
             bootstrap::Request::Version => payload(&Version { protocol: PROTOCOL, firmware: FIRMWARE }.encode()),
-            bootstrap::Request::Stop => {
-                let stop = Order::Command { command: Command::Stop, stops: self.stops };
-                self.shared.ask(stop).await;
-                payload(&[0])
-            }
+            // A stop is no request: see `obey`.
+            bootstrap::Request::Stop => Payload::new(),
             bootstrap::Request::ReadFault => payload(&CrashRecord::encode(self.board.crash.as_ref())),
             bootstrap::Request::Reboot(into) => match self.restart(into).await {
                 Ok(()) => payload(&[0]),
@@ -259,11 +267,8 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
         if let Some(last) = self.last.as_ref().filter(|last| self.clock.now() - last.at < COPIES) {
             match header.number.wrapping_sub(last.number) as i16 {
                 0 if last.checksum == checksum => return Some(last.reply.clone()),
-                // A late copy; or a host that begins again or has gone half round: each learns that nothing was done. A stop is
-                // done all the same.
-                ..=0 if !matches!(request, Request::Command(Command::Stop)) => {
-                    return Some(self.reply(Err(Refusal::NotConnected)));
-                }
+                // A late copy; or a host that begins again or has gone half round: each learns that nothing was done.
+                ..=0 => return Some(self.reply(Err(Refusal::NotConnected))),
                 _ => {}
             }
         }
@@ -330,9 +335,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
             Request::Chunk { offset, bytes } => self.chunk(offset, bytes).await,
             Request::Commit(image) => self.commit(image).await,
             // A command may have been requested before a stop and come, or come again, after it.
-            Request::Command(command) if command != Command::Stop && self.is_stopped() => {
-                Err(Refusal::Command(CommandError::Stopped))
-            }
+            Request::Command(_) if self.is_stopped() => Err(Refusal::Command(CommandError::Stopped)),
             Request::Command(command) => self.command(command).await.map(|()| Answer::Done),
             Request::Calibrate(calibration) => self.calibrate(calibration).await,
             Request::Calibration => Ok(Answer::Calibration(self.calibration?)),

@@ -1,8 +1,10 @@
 //! The console of a board that is held after crashes: the bootstrap set and `reboot`, nothing else.
 //!
-//! Neither the control tick nor the store runs, as either may be what crashes. The board answers version 0 of the
-//! messages: a host then identifies it, stops it, reads the crash record and reboots it, and asks for nothing else.
-use darm_core::wire::bootstrap::{self, ANSWER, CrashRecord, Payload, Request, Version};
+//! Neither the control tick nor the store runs, as either may be what crashes, nor the servo bus, whose limits are in the store. The
+//! board answers version 0 of the messages: a host then identifies it, stops it, reads the crash record and reboots it, and asks
+//! for nothing else. A stop is found as everywhere, in every form; its confirmation says that the outputs are off and that nobody
+//! controls the servos.
+use darm_core::wire::bootstrap::{self, ANSWER, CrashRecord, Payload, Request, Servos, Version};
 use darm_core::wire::frame::{self, Header};
 use embassy_futures::yield_now;
 use embedded_io_async::{Read, Write};
@@ -10,6 +12,7 @@ use embedded_io_async::{Read, Write};
 use crate::clock::Clock;
 use crate::dispatch::{Board, FIRMWARE};
 use crate::port::{Item, Port};
+use crate::scan::Scanner;
 
 /// Version of the messages of a held board: the bootstrap set alone.
 pub const RECOVERY_PROTOCOL: u16 = 0;
@@ -17,7 +20,8 @@ pub const RECOVERY_PROTOCOL: u16 = 0;
 /// Bytes of the longest answer on the line: header, payload, checksum, COBS's overhead and both zero bytes.
 const MAX_ANSWER: usize = frame::HEADER + bootstrap::MAX_PAYLOAD + 4 + 1 + 2;
 
-const HELP: &str = "outputs disabled after several crashes in a row; read the fault, then: reboot\r\n";
+const HELP: &str =
+    "outputs disabled after several crashes in a row, servos not controlled; read the fault, then: reboot\r\n";
 const REBOOTS: &str = "ok, reboots\r\n";
 const NO_LOADER: &str = "refused: close the jumper of the board first\r\n";
 
@@ -31,7 +35,7 @@ pub async fn serve(
     writer: &mut impl Write,
 ) -> bootstrap::RebootTarget {
     let allows = |into| into != bootstrap::RebootTarget::Loader || !board.guards_loader || is_button_closed();
-    let mut port: Port = Port::default();
+    let (mut scanner, mut port) = (Scanner::default(), Port::default());
     let mut bytes = [0; 16];
     loop {
         let n = reader.read(&mut bytes).await.unwrap_or(0);
@@ -40,6 +44,12 @@ pub async fn serve(
             yield_now().await;
         }
         for &byte in bytes.iter().take(n) {
+            if let Some(stop) = scanner.push(byte) {
+                // Every output is disabled already.
+                let _ = writer.write_all(&stop.confirmation(Servos::Uncontrolled, clock.now())).await;
+                port = Port::default();
+                continue;
+            }
             let into = match port.push(byte, clock.now()) {
                 Some(Item::Frame(encoded)) => answer(board, &allows, encoded, writer).await,
                 Some(Item::Line(line)) => execute(&allows, line, writer).await,
@@ -77,8 +87,9 @@ fn reply(board: &Board, request: Request) -> Payload {
         Request::Identify => board.identity.encode(),
         Request::Version => Version { protocol: RECOVERY_PROTOCOL, firmware: FIRMWARE }.encode(),
         Request::ReadFault => CrashRecord::encode(board.crash.as_ref()),
-        // Every output is disabled already.
-        Request::Stop | Request::Reboot(_) => [0].into_iter().collect(),
+        Request::Reboot(_) => [0].into_iter().collect(),
+        // The scanner has found and confirmed it.
+        Request::Stop => Payload::new(),
     }
 }
 
@@ -174,8 +185,12 @@ mod tests {
         ];
         let sent: Vec<u8> = requests.iter().flat_map(|request| frame_of(request.tag(), request.payload())).collect();
         let version = Version { protocol: 0, firmware: FIRMWARE };
-        let payloads =
-            [identity.encode(), version.encode(), reply(&board(), Request::Stop), CrashRecord::encode(crash.as_ref())];
+        let payloads = [
+            identity.encode(),
+            version.encode(),
+            Payload::from_slice(&[0, 2]).unwrap(),
+            CrashRecord::encode(crash.as_ref()),
+        ];
         let answers = payloads.iter().zip(1..).flat_map(|(payload, tag): (_, u8)| frame_of(tag | ANSWER, payload));
         let expected: Vec<u8> = answers.chain(frame_of(5 | ANSWER, &[0])).collect();
         assert_eq!(exchange(&sent), (expected, bootstrap::RebootTarget::Loader));
@@ -188,6 +203,17 @@ mod tests {
             (String::from_utf8(text).unwrap(), into),
             (format!("{HELP}{REBOOTS}"), bootstrap::RebootTarget::Application)
         );
+    }
+
+    #[test]
+    fn every_form_of_a_stop_is_confirmed_and_says_that_nobody_controls_the_servos() {
+        let message = frame_of(0x10, &[6, 1]);
+        let noise = [&b"\0\x07abc"[..], &[0x55; 400]].concat();
+        let sent = [&noise, &b"\rxstop\r"[..], &noise, &frame_of(3, &[]), &noise, &message, b"reboot\r"].concat();
+        let typed = b"outputs off; servos are not controlled by this board now: cut their supply\r\n";
+        let done = darm_core::wire::message::done(darm_core::units::Micros(0));
+        let expected = [&typed[..], &frame_of(0x83, &[0, 2]), &frame_of(0x90, &done), REBOOTS.as_bytes()].concat();
+        assert_eq!(String::from_utf8_lossy(&exchange(&sent).0), String::from_utf8_lossy(&expected));
     }
 
     #[test]

@@ -1,22 +1,78 @@
 //! Finds a stop in the bytes of the console, whatever is around it.
 //!
-//! A stop must not depend on what else is on the line: an open frame of another program, lost zeros, noise before a typed
-//! word. So nothing is parsed here. A stop frame is what is between any two zeros, if its checksum is right; a typed
-//! stop is a line that ends in `stop`. The bytes `stop\r` within the data of another frame are a stop too: by chance once
-//! in 10^12 bytes, and a stop too many does no harm.
-use darm_core::wire::bootstrap;
-use darm_core::wire::frame::{self, Header};
+//! A stop is one event, in whatever form it comes: typed, the frozen frame of the bootstrap set, or the message `Command(Stop)` of
+//! any link and number. It must not depend on what else is on the line: an open frame of another program, lost zeros, noise
+//! before a typed word. So nothing is parsed here. A stop frame is what is between any two zeros, if its checksum is right and
+//! [`Stop::of`] says so; a typed stop is a line that ends in `stop`, after corrections of up to twelve characters. The bytes
+//! `stop\r` within the data of another frame are a stop too: by chance once in 10^12 bytes, and a stop too many does no harm.
+use darm_core::units::Micros;
+use darm_core::wire::bootstrap::{self, ANSWER, Servos, Stopped};
+use darm_core::wire::frame::{self, HEADER, Header};
+use darm_core::wire::message::{self, MAX_STOP, REQUEST};
+use embassy_futures::yield_now;
+
+use crate::control::Shared;
 
 /// A stop, in the language in which it came.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Stop {
     Typed,
-    Framed(Header),
+    /// The frame of the bootstrap set.
+    Bootstrap(Header),
+    /// A request of the messages.
+    Message(Header),
 }
 
-/// Longest stop frame between its zeros.
-const FRAME: usize = 16;
-const WORD: [u8; 4] = *b"stop";
+/// What confirms a stop on the line.
+pub(crate) type Confirmation = heapless::Vec<u8, 80>;
+
+const TYPED: &[u8] = b"ok\r\n";
+const TYPED_OUTPUTS_ALONE: &[u8] = b"outputs off; servos are not controlled by this board now: cut their supply\r\n";
+
+impl Stop {
+    /// What a frame means, if it is a stop: the only place that decides this.
+    pub(crate) fn of(header: Header, payload: &[u8]) -> Option<Self> {
+        if header.tag == REQUEST {
+            return message::is_stop(payload).then_some(Self::Message(header));
+        }
+        let request = bootstrap::Request::decode(header.tag, payload)?;
+        (request == bootstrap::Request::Stop).then_some(Self::Bootstrap(header))
+    }
+
+    /// What confirms it, in its own language.
+    pub(crate) fn confirmation(self, servos: Servos, now: Micros) -> Confirmation {
+        match self {
+            Self::Typed if servos == Servos::Uncontrolled => copied(TYPED_OUTPUTS_ALONE),
+            Self::Typed => copied(TYPED),
+            Self::Bootstrap(header) => framed(header, &Stopped::encode(servos)),
+            Self::Message(header) => framed(header, &message::done(now)),
+        }
+    }
+
+    /// Waits until the outputs are off and the servos have their orders; what then confirms it.
+    pub(crate) async fn obeyed(self, shared: &Shared<'_>, now: impl Fn() -> Micros) -> Confirmation {
+        while !shared.has_stopped() {
+            yield_now().await;
+        }
+        self.confirmation(shared.servos(), now())
+    }
+}
+
+fn copied(bytes: &[u8]) -> Confirmation {
+    Confirmation::from_slice(bytes).unwrap_or_default()
+}
+
+fn framed(header: Header, payload: &[u8]) -> Confirmation {
+    let mut bytes = [0; 40];
+    let len = frame::encode(Header { tag: header.tag | ANSWER, ..header }, payload, &mut bytes);
+    copied(len.ok().and_then(|len| bytes.get(..len)).unwrap_or_default())
+}
+
+/// Longest stop frame between its zeros: header, payload, checksum and COBS's overhead.
+const FRAME: usize = HEADER + MAX_STOP + 4 + 1;
+const WORD: u32 = u32::from_be_bytes(*b"stop");
+/// Bit 5 of each letter: small and capital.
+const CASE: u32 = 0x2020_2020;
 
 /// What has been received since the last zero, and the last characters of the line.
 #[derive(Default)]
@@ -24,7 +80,8 @@ pub(crate) struct Scanner {
     bytes: [u8; FRAME],
     /// May be larger than the room: what is that long is no stop.
     len: usize,
-    typed: [u8; WORD.len()],
+    /// The last sixteen characters, the last one lowest.
+    typed: u128,
 }
 
 impl Scanner {
@@ -41,19 +98,14 @@ impl Scanner {
         self.len = self.len.saturating_add(1);
         match byte {
             b'\r' | b'\n' => {
-                let is_stop = self.typed.eq_ignore_ascii_case(&WORD);
-                self.typed = [0; WORD.len()];
-                return is_stop.then_some(Stop::Typed);
+                let mut line = core::mem::take(&mut self.typed);
+                while line as u8 == b' ' {
+                    line >>= 8;
+                }
+                return (line as u32 | CASE == WORD).then_some(Stop::Typed);
             }
-            0x08 | 0x7f => {
-                let [first, second, third, _] = self.typed;
-                self.typed = [0, first, second, third];
-            }
-            b' ' => {}
-            _ => {
-                let [_, second, third, fourth] = self.typed;
-                self.typed = [second, third, fourth, byte];
-            }
+            0x08 | 0x7f => self.typed >>= 8,
+            _ => self.typed = self.typed << 8 | u128::from(byte),
         }
         None
     }
@@ -61,42 +113,148 @@ impl Scanner {
 
 fn stop_frame(encoded: &mut [u8]) -> Option<Stop> {
     let (header, payload) = frame::decode(encoded).ok()?;
-    let request = bootstrap::Request::decode(header.tag, payload)?;
-    (request == bootstrap::Request::Stop).then_some(Stop::Framed(header))
+    Stop::of(header, payload)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{Scanner, Stop};
-    use darm_core::wire::bootstrap::Request;
-    use darm_core::wire::frame::{Header, MAX_FRAME, encode};
+    use super::{FRAME, Scanner, Stop};
+    use crate::port::{Item, Port};
+    use darm_core::sequencer::Command;
+    use darm_core::units::Micros;
+    use darm_core::wire::bootstrap;
+    use darm_core::wire::frame::{self, Header, MAX_FRAME, encode};
+    use darm_core::wire::message::{REQUEST, Request};
 
-    const HEADER: Header = Header { tag: Request::Stop.tag(), link: 0, number: 9 };
+    const HEADER: Header = Header { tag: bootstrap::Request::Stop.tag(), link: 0, number: 9 };
+    const MESSAGE: Header = Header { tag: REQUEST, link: 0xdead_0000, number: 0xff00 };
 
     fn stops(bytes: &[u8]) -> Vec<Stop> {
         let mut scanner = Scanner::default();
         bytes.iter().filter_map(|byte| scanner.push(*byte)).collect()
     }
 
+    fn frame_of(header: Header, payload: &[u8]) -> Vec<u8> {
+        let mut frame = [0; MAX_FRAME];
+        let len = encode(header, payload, &mut frame).unwrap();
+        frame[..len].to_vec()
+    }
+
+    /// Both frames, and the message with each index in as many bytes as the decoder takes.
+    fn stop_frames() -> Vec<(Vec<u8>, Stop)> {
+        let mut payload = [0; 8];
+        let message = postcard::to_slice(&Request::Command(Command::Stop), &mut payload).unwrap().to_vec();
+        let long = [0x86, 0x80, 0x80, 0x80, 0, 0x81, 0x80, 0x80, 0x80, 0];
+        vec![
+            (frame_of(HEADER, &[]), Stop::Bootstrap(HEADER)),
+            (frame_of(MESSAGE, &message), Stop::Message(MESSAGE)),
+            (frame_of(MESSAGE, &long), Stop::Message(MESSAGE)),
+        ]
+    }
+
+    struct Random(u64);
+
+    impl Random {
+        fn below(&mut self, n: usize) -> usize {
+            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (self.0 >> 33) as usize % n
+        }
+    }
+
     #[test]
     fn a_stop_frame_is_heard_behind_anything() {
-        let mut frame = [0; MAX_FRAME];
-        let len = encode(HEADER, Request::Stop.payload(), &mut frame).unwrap();
-        for before in [&b""[..], b"\0", b"\0xy", b"\0xy\0", b"text", &[b'x'; 500], &[0xff; 40]] {
-            let bytes = [before, &frame[..len], b"id\r"].concat();
-            assert_eq!(stops(&bytes), [Stop::Framed(HEADER)], "{before:?}");
+        for (mut frame, stop) in stop_frames() {
+            assert!(frame.len() <= FRAME + 2);
+            for before in [&b""[..], b"\0", b"\0xy", b"\0xy\0", b"text", &[b'x'; 500], &[0xff; 40]] {
+                let bytes = [before, &frame, b"id\r"].concat();
+                assert_eq!(stops(&bytes), [stop], "{before:?}");
+            }
+            for at in 1..frame.len() - 1 {
+                frame[at] ^= 1;
+                assert_eq!(stops(&frame), [], "byte {at}");
+                frame[at] ^= 1;
+            }
         }
-        frame[3] ^= 1;
-        assert_eq!(stops(&frame[..len]), []);
+    }
+
+    /// As docs/wire.md prints it.
+    #[test]
+    fn the_message_has_these_bytes() {
+        let header = Header { tag: REQUEST, link: 0, number: 0 };
+        let bytes = [0, 2, 0x10, 1, 1, 1, 1, 1, 7, 6, 1, 0xcf, 0xc1, 0x94, 0x6b, 0];
+        assert_eq!(frame_of(header, &[6, 1]), bytes);
+        assert_eq!(stops(&bytes), [Stop::Message(header)]);
+    }
+
+    #[test]
+    fn a_stop_frame_within_random_bytes_is_found() {
+        let (mut random, frames) = (Random(7), stop_frames());
+        for round in 0..20_000 {
+            let mut noise = || (0..random.below(60)).map(|_| random.below(256) as u8).collect::<Vec<u8>>();
+            let (before, behind) = (noise(), noise());
+            let (frame, stop) = &frames[round % frames.len()];
+            let bytes = [&before[..], frame, &behind].concat();
+            assert!(stops(&bytes).contains(stop), "round {round}: {bytes:?}");
+        }
+    }
+
+    #[test]
+    fn requests_other_than_the_stop_are_none() {
+        for payload in [&[6, 0][..], &[6, 2], &[6, 1, 0], &[6], &[1], &[5, 1], &[]] {
+            assert_eq!(stops(&frame_of(MESSAGE, payload)), [], "{payload:?}");
+        }
+        assert_eq!(stops(&frame_of(Header { tag: 0x11, ..MESSAGE }, &[6, 1])), []);
+        assert_eq!(stops(&frame_of(HEADER, &[0])), []);
     }
 
     #[test]
     fn a_typed_stop_is_heard_behind_anything() {
-        for line in [&b"stop\r"[..], b"STOP\n", b"  stop \r\n", b"\0xstop\r", b"\xff\x01stop\r", b"sti\x08op\r"] {
+        for line in [
+            &b"stop\r"[..],
+            b"STOP\n",
+            b"  stop \r\n",
+            b"\0xstop\r",
+            b"\xff\x01stop\r",
+            b"sti\x08op\r",
+            b"stopp\x08\r",
+            b"stop now\x7f\x7f\x7f\x7f\r",
+            b"play\x08\x08\x08\x08stop\r",
+        ] {
             assert_eq!(stops(line), [Stop::Typed], "{line:?}");
         }
-        for line in [&b"stop"[..], b"stops\r", b"sto\rp\r", b"top\r", b"stop\0\r"] {
+        for line in [&b"stop"[..], b"stops\r", b"sto\rp\r", b"top\r", b"stop\0\r", b"stop\x08\r"] {
             assert_eq!(stops(line), [], "{line:?}");
         }
+    }
+
+    /// Whatever the parser takes for a stop the scanner has found with the same byte: nothing that means a stop can wait.
+    #[test]
+    fn the_parser_finds_no_stop_that_the_scanner_has_not_found() {
+        let (mut random, frames) = (Random(3), stop_frames());
+        let (mut scanner, mut port) = (Scanner::default(), Port::default());
+        let mut parsed = 0;
+        for _ in 0..40_000 {
+            let piece: Vec<u8> = match random.below(8) {
+                0 => frames[random.below(frames.len())].0.clone(),
+                1 => b"stop".to_vec(),
+                2 => b"\r".to_vec(),
+                3 => vec![8; random.below(4)],
+                4 => vec![b' '; random.below(4)],
+                5 => vec![0],
+                6 => b"sto"[..random.below(4)].to_vec(),
+                _ => vec![b"stopx \r\n\x7f\xff"[random.below(10)]],
+            };
+            for byte in piece {
+                let found = scanner.push(byte);
+                let means_stop = match port.push(byte, Micros(0)) {
+                    Some(Item::Frame(encoded)) => frame::decode(encoded).is_ok_and(|(h, p)| Stop::of(h, p).is_some()),
+                    Some(Item::Line(line)) => line.eq_ignore_ascii_case("stop"),
+                    Some(Item::Dropped) | None => false,
+                };
+                parsed += usize::from(means_stop);
+                assert!(found.is_some() || !means_stop);
+            }
+        }
+        assert!(parsed > 500, "{parsed}");
     }
 }

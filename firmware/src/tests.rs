@@ -10,7 +10,7 @@ mod stops;
 use core::cell::{Cell, RefCell};
 
 use darm_core::profile::Profile;
-use darm_core::sequencer::{Command, Event, FaultKind, Outputs, Phase};
+use darm_core::sequencer::{Command, CommandError, Event, FaultKind, Outputs, Phase};
 use darm_core::units::{ActuatorId, DeviceId, Digest, Micros};
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{self, Identity};
@@ -239,10 +239,11 @@ fn a_change_runs_once() {
     assert_eq!(bench.ask_as(LINK, 1000, play), Some(Ok(Answer::Done)));
     bench.pass_ms(200);
     assert_eq!(bench.ask_as(LINK, 1001, Request::Command(Command::Stop)), Some(Ok(Answer::Done)));
-    assert_eq!(bench.ask_as(LINK, 1000, play), Some(Err(Refusal::NotConnected)));
+    assert_eq!(bench.ask_as(LINK, 1000, play), Some(Ok(Answer::Done)), "the answer is kept");
     assert_eq!(bench.ask_as(LINK, 1001, Request::Command(Command::Stop)), Some(Ok(Answer::Done)));
     bench.ask_as(LINK, 900, Request::Hello { protocol: PROTOCOL });
-    assert_eq!(bench.ask_as(LINK, 1000, play), Some(Err(Refusal::NotConnected)));
+    assert_eq!(bench.ask_as(LINK, 1000, play), Some(Ok(Answer::Done)), "the answer is kept");
+    assert_eq!(bench.ask_as(LINK, 1002, play), Some(Err(Refusal::Command(CommandError::Stopped))));
     assert_eq!(bench.status().phase, Phase::Idle);
     assert_eq!(bench.events().iter().filter(|event| **event == Event::Started).count(), 1);
 }
@@ -261,10 +262,12 @@ fn a_change_whose_number_has_gone_half_round_is_refused_and_a_new_connection_hel
 fn only_the_host_that_connected_last_is_heard() {
     let bench = loaded();
     let stop = Request::Command(Command::Stop);
-    assert_eq!(bench.ask_as(1, 1, stop), Some(Err(Refusal::NotConnected)));
+    let clear = Request::Command(Command::Clear);
+    assert_eq!(bench.ask_as(1, 1, clear), Some(Err(Refusal::NotConnected)));
     assert!(bench.ask_as(1, 2, Request::Hello { protocol: PROTOCOL }).unwrap().is_ok());
-    assert_eq!(bench.ask_as(1, 3, stop), Some(Ok(Answer::Done)));
-    assert_eq!(bench.ask(stop), Err(Refusal::NotConnected));
+    assert_eq!(bench.ask_as(1, 3, clear), Some(Ok(Answer::Done)));
+    assert_eq!(bench.ask(clear), Err(Refusal::NotConnected));
+    assert_eq!(bench.ask(stop), Ok(Answer::Done), "a stop is never refused");
     let other = bench.ask_as(5, 4, Request::Hello { protocol: PROTOCOL + 1 });
     assert_eq!(other, Some(Err(Refusal::Protocol { board: PROTOCOL })));
 }
@@ -278,8 +281,10 @@ fn nothing_is_stored_while_a_program_runs() {
     let calibration = Calibration::try_from([0.1; 4]).unwrap();
     assert_eq!(bench.ask(Request::Calibrate(calibration)), Err(Refusal::Busy));
     bench.command(Command::Stop).unwrap();
-    assert_eq!(bench.ask(Request::Calibrate(calibration)), Ok(Answer::Done));
-    assert_eq!(bench.ask(Request::Calibration), Ok(Answer::Calibration(Some(calibration))));
+    let ask = |number, request| bench.ask_as(LINK + 1, number, request).unwrap();
+    assert!(ask(0, Request::Hello { protocol: PROTOCOL }).is_ok());
+    assert_eq!(ask(2, Request::Calibrate(calibration)), Ok(Answer::Done));
+    assert_eq!(ask(3, Request::Calibration), Ok(Answer::Calibration(Some(calibration))));
 }
 
 #[test]
@@ -302,7 +307,7 @@ fn the_bootstrap_set_needs_no_connection() {
     let send = |request: bootstrap::Request| {
         bench.send(Header { tag: request.tag(), link: 0, number: 9 }, request.payload()).unwrap()
     };
-    assert_eq!(send(bootstrap::Request::Stop), [0]);
+    assert_eq!(send(bootstrap::Request::Stop), [0, 1]);
     bench.tick();
     assert_eq!(bench.outputs.get().lines, 0);
     assert_eq!(Identity::decode(&send(bootstrap::Request::Identify)).unwrap().board, "bench");

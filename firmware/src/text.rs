@@ -21,6 +21,7 @@ use crate::clock::Clock;
 use crate::control::{Order, Outcome};
 use crate::dispatch::{Dispatcher, FIRMWARE};
 use crate::kept::CRASHES;
+use crate::scan::Stop;
 use parse::{Words, parse};
 
 const HELP: &[&str] = &[
@@ -31,7 +32,7 @@ const HELP: &[&str] = &[
     "profile          wiring of the board, and limits that no table can exceed",
     "table            the loaded table",
     "play             run the table from its first row",
-    "stop             all coils off, at once",
+    "stop             all coils off and servos hold, at once",
     "coil N on MS     switch output N on for MS milliseconds (coil N off: off)",
     "word DIGITS      switch all actuators to a word, base first: word 010,110",
     "servo N DEG      move servo N to an angle in degrees",
@@ -91,6 +92,7 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
                 Err(refusal) => say(out, format_args!("? {refusal}")).await,
             },
             Ok(Words::Nearest(target)) => self.say_nearest(&target, out).await,
+            Ok(Words::Stop) => out.write_all(&self.obey(Stop::Typed).await).await,
             Ok(Words::Do(command)) => match self.command(command).await {
                 Ok(()) => say(out, format_args!("ok")).await,
                 Err(refusal) => say(out, format_args!("? {refusal}")).await,

@@ -153,3 +153,42 @@ fn a_stop_drops_a_restart_unless_a_new_profile_waits_for_it() {
     assert_eq!(bench.upload(&profile_image(&profile())), Ok(Answer::Done));
     assert_eq!(restart_due(), Some(bootstrap::RebootTarget::Application));
 }
+
+/// docs/safety.md: "a stop switches all outputs off within 5 ms after its last byte, …, whatever the console does". The messages
+/// have a stop of their own (docs/wire.md, command 1), which `darm record` and `darm bringup` send.
+#[test]
+fn a_stop_of_the_messages_acts_at_once_while_the_console_prints() {
+    use darm_core::wire::frame::{self, Header, MAX_FRAME, MAX_PAYLOAD};
+    let (mut payload, mut encoded) = ([0; MAX_PAYLOAD], [0; MAX_FRAME]);
+    let used = postcard::to_slice(&Request::Command(Command::Stop), &mut payload).unwrap();
+    let header = Header { tag: darm_core::wire::message::REQUEST, link: LINK, number: 2000 };
+    let len = frame::encode(header, used, &mut encoded).unwrap();
+    let mut late = Vec::new();
+    for busy in ["id", "help", "limits", "log"] {
+        let bench = loaded();
+        bench.command(Command::Coil { coil: 0, on_ms: 4_000 }).unwrap();
+        bench.pass_ms(20);
+        assert_eq!(bench.outputs.get().lines, 1);
+        let mut off_ms = None;
+        serve_for(&bench, 3_000, |ms, input, _| {
+            if ms == 1 {
+                input.push_slice(format!("{busy}\r").as_bytes());
+                input.push_slice(&encoded[..len]);
+            }
+            if bench.outputs.get().lines == 0 {
+                off_ms.get_or_insert(ms);
+            }
+        });
+        late.extend(off_ms.filter(|ms| *ms > 7).map(|ms| (busy, ms)));
+    }
+    assert!(late.is_empty(), "the coil went off after so many ms: {late:?}");
+}
+
+/// docs/wire.md: "After a stop the board takes no command on a connection that was opened before it".
+#[test]
+fn a_stop_of_the_messages_ends_the_connection_as_every_other_stop() {
+    let bench = loaded();
+    assert_eq!(bench.ask_as(LINK, 1000, Request::Command(Command::Stop)), Some(Ok(Answer::Done)));
+    let coil = Request::Command(Command::Coil { coil: 0, on_ms: 20 });
+    assert_eq!(bench.ask_as(LINK, 1001, coil), Some(STOPPED));
+}

@@ -20,6 +20,7 @@ pub(super) enum Words {
     Log,
     Reboot(RebootTarget),
     Nearest(Coordinates),
+    Stop,
     Do(Command),
 }
 
@@ -72,7 +73,7 @@ pub(super) fn parse(line: &str) -> Result<Words, ParseError> {
         None if is("profile") => Ok(Words::Profile),
         None if is("table") => Ok(Words::Table),
         None if is("play") => Ok(Words::Do(Command::Play)),
-        None if is("stop") => Ok(Words::Do(Command::Stop)),
+        None if is("stop") => Ok(Words::Stop),
         None if is("clear") => Ok(Words::Do(Command::Clear)),
         None if is("fault") => Ok(Words::Fault),
         None if is("log") => Ok(Words::Log),

@@ -4,7 +4,7 @@
 //! |-----|--------------|--------------------------|--------------------------------------------------------------------|
 //! | 01  | identify     | empty                    | `64 61 72 6D` ("darm"), 12 bytes device number, 16 bytes board name, zero-padded ASCII |
 //! | 02  | version      | empty                    | 2 bytes protocol, 3 bytes firmware major, minor, patch             |
-//! | 03  | stop         | empty                    | 1 byte 00: every coil is off                                       |
+//! | 03  | stop         | empty                    | 1 byte 00: every coil is off; later firmware: a second byte, [`Servos`] |
 //! | 04  | read fault   | empty                    | 1 byte kind (00 none, 01 panic, 02 hard fault, 03 watchdog), 8 bytes uptime in µs, 4 bytes pc, 4 bytes lr, 1 byte n ≤ 64, n bytes text |
 //! | 05  | reboot       | 1 byte: 00 application, 01 the chip's loader | 1 byte 00: it reboots now; 01: not now, stop first |
 //!
@@ -98,6 +98,53 @@ pub struct Version {
     pub protocol: u16,
     /// Major, minor, patch.
     pub firmware: [u8; 3],
+}
+
+/// What a stop did with the servos.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Servos {
+    /// The board's profile has none.
+    Absent,
+    /// They have the order to hold, or in the safe state what the profile says; the bus carries it to those that answer.
+    Ordered,
+    /// The board does not control them now: it is held after crashes.
+    Uncontrolled,
+}
+
+/// What the answer to a stop says. That all coils are off is said by every firmware.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stopped {
+    /// `None`: earlier firmware, which does not say.
+    pub servos: Option<Servos>,
+}
+
+impl Servos {
+    /// The byte in the answer.
+    pub const fn byte(self) -> u8 {
+        match self {
+            Self::Absent => 0,
+            Self::Ordered => 1,
+            Self::Uncontrolled => 2,
+        }
+    }
+}
+
+impl Stopped {
+    /// Bytes of the answer.
+    pub fn encode(servos: Servos) -> [u8; 2] {
+        [0, servos.byte()]
+    }
+
+    /// Reads the answer; `None` when it is no confirmation. A byte that is not known is no statement about the servos.
+    pub fn decode(payload: &[u8]) -> Option<Self> {
+        let (first, rest) = payload.split_first()?;
+        if *first != 0 {
+            return None;
+        }
+        let known = [Servos::Absent, Servos::Ordered, Servos::Uncontrolled];
+        let servos = rest.first().and_then(|byte| known.into_iter().find(|servos| servos.byte() == *byte));
+        Some(Self { servos })
+    }
 }
 
 /// How the firmware died last.
@@ -238,6 +285,19 @@ mod tests {
         let version = Version { protocol: 0x0201, firmware: [3, 4, 5] };
         assert_eq!(version.encode(), [1, 2, 3, 4, 5]);
         assert_eq!(Version::decode(&[1, 2, 3, 4, 5, 99]), Some(version));
+    }
+
+    #[test]
+    fn the_first_byte_of_a_stop_is_frozen_and_the_second_is_about_servos() {
+        assert_eq!(Stopped::encode(Servos::Ordered), [0, 1]);
+        for servos in [Servos::Absent, Servos::Ordered, Servos::Uncontrolled] {
+            let bytes = [&Stopped::encode(servos)[..], &[7]].concat();
+            assert_eq!(Stopped::decode(&bytes), Some(Stopped { servos: Some(servos) }));
+        }
+        for unsaid in [&[0][..], &[0, 9]] {
+            assert_eq!(Stopped::decode(unsaid), Some(Stopped { servos: None }));
+        }
+        assert_eq!((Stopped::decode(&[]), Stopped::decode(&[1, 1])), (None, None));
     }
 
     #[test]

@@ -8,7 +8,7 @@
 //! | `Begin`     | `Upload`    | often | starts the upload of a table, or resumes the same one where it broke off |
 //! | `Chunk`     | `Upload`    | often | bytes at an offset; the answer says which offset is wanted next, blocks ahead of it are kept |
 //! | `Commit`    | `Committed` | once  | checks the table, stores it and loads it                                |
-//! | `Command`   | `Done`      | once  | play, stop, clear, a coil, a word, a servo                              |
+//! | `Command`   | `Done`      | once  | play, clear, a coil, a word, a servo; the stop is no request like the others, see [`is_stop`] |
 //! | `Calibrate` | `Done`      | once  | stores the servos' zero offsets                                         |
 //! | `Calibration` | `Calibration` | often | the stored offsets                                                  |
 //! | `Nearest`   | `Nearest`   | often | which word brings the tool near a pose, by the frames in the table      |
@@ -111,6 +111,22 @@ impl Request<'_> {
     pub const fn is_repeatable(&self) -> bool {
         !matches!(self, Self::Commit(_) | Self::Command(_) | Self::Calibrate(_))
     }
+}
+
+/// Longest payload that means a stop: two varints.
+pub const MAX_STOP: usize = 10;
+
+/// Whether the payload of a request means `Command(Stop)`: exactly where postcard would decode it so, however its two indices are
+/// written. The board looks for it before anything is decoded, whatever the link and the number.
+pub fn is_stop(payload: &[u8]) -> bool {
+    matches!(postcard::take_from_bytes::<(u32, u32)>(payload), Ok(((6, 1), [])))
+}
+
+/// The payload of the reply `Done` at this time, without a [`Reply`] on the stack.
+pub fn done(at: Micros) -> heapless::Vec<u8, 12> {
+    let mut bytes = [0; 12];
+    let used = postcard::to_slice(&(at, 0u8, 5u8), &mut bytes);
+    used.ok().and_then(|used| heapless::Vec::from_slice(used).ok()).unwrap_or_default()
 }
 
 /// What an upload carries.

@@ -1,7 +1,7 @@
 //! Golden bytes of messages.
 
-use super::{Answer, Calibration, Coordinates, Found, Refusal, Reply, Request};
-use crate::sequencer::Event;
+use super::{Answer, Calibration, Coordinates, Found, Refusal, Reply, Request, done, is_stop};
+use crate::sequencer::{Command, Event};
 use crate::units::Micros;
 use crate::wire::bootstrap::{CrashKind, CrashRecord};
 
@@ -44,4 +44,43 @@ fn a_pose_and_its_word_are_these_bytes() {
     let reply = Reply { at: Micros(5), result: Ok(Answer::Nearest(found)) };
     let reply = postcard::to_slice(&reply, &mut bytes).unwrap();
     assert_eq!(reply, [5, 0, 7, 4, 0x45, 0, 0, 0x80, 0x3f, 0, 0, 0, 0x40, 0, 0, 0, 0x3f]);
+}
+
+/// Every payload of up to three bytes, and longer ones made of the bytes that matter: both decoders agree.
+#[test]
+fn a_payload_means_a_stop_exactly_where_the_request_does() {
+    let means_stop = |payload: &[u8]| {
+        matches!(postcard::take_from_bytes::<Request>(payload), Ok((Request::Command(Command::Stop), [])))
+    };
+    let mut stops = 0;
+    let mut check = |payload: &[u8]| {
+        assert_eq!(is_stop(payload), means_stop(payload), "{payload:?}");
+        stops += usize::from(is_stop(payload));
+    };
+    for number in 0..1u32 << 24 {
+        check(&number.to_le_bytes()[..3]);
+    }
+    let interesting = [0, 1, 6, 0x80, 0x81, 0x86];
+    for len in 0..=8u32 {
+        for number in 0..(interesting.len() as u32).pow(len) {
+            let mut bytes = [0; 8];
+            for (digit, byte) in (0..len).zip(&mut bytes) {
+                *byte = interesting[(number / (interesting.len() as u32).pow(digit)) as usize % interesting.len()];
+            }
+            check(&bytes[..len as usize]);
+        }
+    }
+    check(&[0x86, 0x80, 0x80, 0x80, 0, 0x81, 0x80, 0x80, 0x80, 0]);
+    assert!(stops > 8, "{stops}");
+}
+
+#[test]
+fn done_without_a_reply_is_the_same_bytes() {
+    for at in [0, 1, 127, 128, 60_000_000, u64::MAX] {
+        let mut bytes = [0; 64];
+        let reply = Reply { at: Micros(at), result: Ok(Answer::Done) };
+        assert_eq!(postcard::to_slice(&reply, &mut bytes).unwrap(), done(Micros(at)));
+    }
+    let mut bytes = [0; 64];
+    assert_eq!(postcard::to_slice(&Request::Command(Command::Stop), &mut bytes).unwrap(), [6, 1]);
 }
