@@ -35,6 +35,10 @@ pub(crate) struct Job {
     /// Stop the arm this many times while another program holds the port
     #[arg(long, value_name = "COUNT")]
     stops: Option<u64>,
+    /// Stop a board in this process this many times with each form of a stop in each state, and print the longest times to safe pins,
+    /// to the servos' orders and to the answer, in virtual ms
+    #[arg(long, value_name = "COUNT")]
+    stop_times: Option<u64>,
     /// Cut the power of the Pico within each operation of an upload this many times, each time with another noise; prints
     /// its longest control tick, stack, sizes and upload rate too
     #[arg(long, value_name = "COUNT")]
@@ -82,6 +86,13 @@ const STOPS: Injection = Injection {
     arguments: &["--package", "darm-tests", "--test", "stop", "stop_gets_through"],
     variable: "DARM_STOPS",
     batch: 20,
+};
+
+const STOP_TIMES: Injection = Injection {
+    name: "stop-times",
+    arguments: &["--package", "darm-device", "--lib", "every_form_of_a_stop"],
+    variable: "DARM_STOP_TIMES",
+    batch: u64::MAX,
 };
 
 const PICO: Injection = Injection {
@@ -139,7 +150,7 @@ impl Faults {
     pub(crate) fn run(&self) -> Result<()> {
         if self.job.parts().is_empty() {
             bail!(
-                "nothing to do: give --kills, --frames, --stops, --pico, --store or --serve, each with a COUNT, or --attack or --page SECONDS"
+                "nothing to do: give --kills, --frames, --stops, --stop-times, --pico, --store or --serve, each with a COUNT, or --attack or --page SECONDS"
             );
         }
         items::run(&self.job, &self.spread)
@@ -152,6 +163,7 @@ impl Job {
             (&KILLS, self.kills),
             (&FRAMES, self.frames),
             (&STOPS, self.stops),
+            (&STOP_TIMES, self.stop_times),
             (&PICO, self.pico),
             (&STORE, self.store),
             (&SERVE, self.serve),
@@ -265,6 +277,7 @@ mod tests {
         kills: Some(120),
         frames: None,
         stops: Some(20),
+        stop_times: None,
         pico: None,
         store: None,
         serve: Some(60),

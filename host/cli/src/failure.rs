@@ -9,7 +9,7 @@
 //! | 4    | no connection to a board, or it was lost before the answer: it is unknown |
 //! |      | whether the board has acted; for a stop: it could not be sent; or the     |
 //! |      | camera ended within a program                                             |
-//! | 5    | the board did not confirm a stop within 1 s                               |
+//! | 5    | the board did not confirm a stop within 1 s, or for its outputs alone     |
 //! | 6    | interrupted by Ctrl-C or SIGTERM; the board confirmed the stop            |
 //! | 7    | incomplete: another program stopped the arm before the end of its program, |
 //! |      | or a bring-up was ended early                                             |
@@ -154,6 +154,11 @@ pub(crate) enum Unfinished {
     },
 }
 
+/// The board has confirmed a stop for its outputs alone.
+#[derive(Debug, thiserror::Error)]
+#[error("{}", Confirmation::OutputsAlone.text())]
+pub(crate) struct ServosUncontrolled;
+
 /// The board did not confirm a stop: it is unknown whether the stop arrived.
 #[derive(Debug)]
 pub(crate) struct Unconfirmed {
@@ -207,11 +212,11 @@ fn code_of_cause(cause: &(dyn Error + 'static)) -> Option<u8> {
     if let Some(Interrupted { stopped, .. }) = cause.downcast_ref::<Interrupted>() {
         return Some(match stopped {
             Ok(Confirmation::Confirmed) => INTERRUPTED,
-            Ok(Confirmation::Missing) => UNCONFIRMED,
+            Ok(Confirmation::OutputsAlone | Confirmation::Missing) => UNCONFIRMED,
             Err(_) => NO_CONNECTION,
         });
     }
-    if cause.is::<Unconfirmed>() {
+    if cause.is::<Unconfirmed>() || cause.is::<ServosUncontrolled>() {
         Some(UNCONFIRMED)
     } else if cause.is::<Unfinished>() {
         Some(UNFINISHED)

@@ -19,9 +19,7 @@ impl fmt::Display for Interrupted {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.stopped {
             Ok(Confirmation::Confirmed) => f.write_str("interrupted; the board confirmed that all coils are off")?,
-            Ok(Confirmation::Missing) => f.write_str(
-                "interrupted; the stop was sent, but the board did not confirm it within 1 s; switch off the arm's supply",
-            )?,
+            Ok(other) => write!(f, "interrupted; {}", other.text())?,
             Err(error) => write!(
                 f,
                 "interrupted, and the stop could not be sent: {error}; the program continues, switch off the arm's supply"

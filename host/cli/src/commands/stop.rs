@@ -4,7 +4,7 @@ use darm_core::sequencer::{Command, Phase};
 use darm_device::client::stop::Confirmation;
 use serde::Serialize;
 
-use crate::failure::Unconfirmed;
+use crate::failure::{ServosUncontrolled, Unconfirmed};
 use crate::port::{self, PortArgs};
 use crate::ui::{Answer, Ui};
 
@@ -14,11 +14,13 @@ Examples:
   darm stop --clear   # also leave the safe state, after its cause was removed
 
 The stop is sent before anything else, and the command ends within 1 s. If another `darm` holds the port, that process \
-sends the stop. A socket (unix:, tcp:) serves one connection: a program other than `darm` that holds it blocks the stop. \
+sends the stop. A socket (unix:, tcp:) serves one connection: a program other than `darm` that holds it blocks the stop; a `darm` that is \
+suspended there is continued. \
 Exit codes:
-  0  the board confirmed that all coils are off
+  0  the board confirmed that all coils are off, and has ordered its servos to hold
   4  the stop could not be sent: no such port, another program holds it exclusively, or it accepts no bytes
-  5  the board did not confirm the stop within 1 s: switch off the supply";
+  5  the board did not confirm the stop within 1 s, or it is held after crashes and does not control its servos: switch off \
+the supply";
 
 /// Switch all coils off at once; with --clear also leave the safe state
 #[derive(clap::Args, Debug)]
@@ -52,6 +54,7 @@ impl Stop {
         let port = self.port.name()?;
         match port::stop(&port)? {
             Confirmation::Confirmed => {}
+            Confirmation::OutputsAlone => return Err(ServosUncontrolled.into()),
             Confirmation::Missing => return Err(Unconfirmed { port }.into()),
         }
         let cleared = if self.clear { self.clear()? } else { None };

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use darm_core::sequencer::Phase;
 use darm_device::client::Client;
-use darm_device::client::stop::{Confirmation, STOP_BOUND, StopHandle};
+use darm_device::client::stop::{STOP_BOUND, StopHandle};
 use darm_device::link::{Link, LinkError};
 use rustyline::error::ReadlineError;
 use rustyline::history::DefaultHistory;
@@ -155,10 +155,7 @@ impl<'a> Session<'a> {
     /// Switches all coils off at once, even during an answer of the board; returns the result.
     fn stop(&self) -> String {
         match self.handle.stop(STOP_BOUND) {
-            Ok(Confirmation::Confirmed) => "all coils are off".to_owned(),
-            Ok(Confirmation::Missing) => {
-                "the stop was sent, but the board did not confirm it within 1 s; switch off the arm's supply".to_owned()
-            }
+            Ok(confirmation) => confirmation.text().to_owned(),
             Err(error) => format!("the stop could not be sent: {error}"),
         }
     }

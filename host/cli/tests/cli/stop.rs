@@ -111,6 +111,21 @@ fn a_stop_reaches_a_board_whose_port_another_command_holds() {
     assert!(text(&played.stdout).contains("\"end\":\"stopped\""), "{}", text(&played.stdout));
 }
 
+/// Ctrl-Z, or SIGSTOP: the board's socket serves this process alone.
+#[test]
+fn a_stop_reaches_a_board_whose_socket_a_suspended_command_holds() {
+    let home = Home::new();
+    let board = long_program(&home);
+    let play = playing(&home, &format!("--json play {}", board.port));
+    kill_process(Pid::from_child(&play), Signal::STOP).unwrap();
+    let (stopped, took) = timed(&home, &format!("stop {}", board.port));
+    assert_eq!(stopped.status.code(), Some(0), "{}", text(&stopped.stderr));
+    assert!(took < BOUND, "{took:?}");
+    // It was continued, and sees that its program has ended.
+    let played = play.wait_with_output().unwrap();
+    assert!(text(&played.stdout).contains("\"end\":\"stopped\""), "{}", text(&played.stdout));
+}
+
 #[test]
 fn a_stop_through_a_port_that_another_program_reads_is_sent_and_reported_as_unconfirmed() {
     let home = Home::new();

@@ -1,4 +1,4 @@
-//! The bring-up itself: one output at a time, short, with consent, everything off after each step and at the end.
+//! The bring-up itself: one output at a time, short, with consent, each off after its time, and a stop at the end.
 
 use darm_arm::image::UploadImage;
 use darm_core::output::{ActuatorWiring, Drive};
@@ -224,7 +224,8 @@ impl Bringup<'_> {
         stroke
     }
 
-    /// Switches the output on and off again, and everything off after it.
+    /// Switches the output on for a time that the board ends, and looks until the actuator is back. No stop of its own comes after
+    /// it: that would end the connection, and with a new one a stop of somebody else would be forgotten.
     fn stroke(&mut self, place: &Place, step: &Step<'_>) -> Result<Stroke, End> {
         let output = step.output;
         if let Drive::Latch { pulse_ms, .. } = place.coil.drive {
@@ -241,7 +242,6 @@ impl Bringup<'_> {
             self.check_interrupt()?;
             samples.push(self.sample()?);
         }
-        self.client.command(Command::Stop)?;
         Ok(Stroke { output, on, on_for, samples, sight: None })
     }
 

@@ -29,7 +29,7 @@ use darm_core::se::Pose;
 use darm_core::sequencer::{Command, Event};
 use darm_core::units::Micros;
 use darm_core::wire::PROTOCOL;
-use darm_core::wire::bootstrap::{self, CrashRecord, Identity, RebootTarget, Version};
+use darm_core::wire::bootstrap::{self, CrashRecord, Identity, RebootTarget, Stopped, Version};
 use darm_core::wire::message::{Answer, Calibration, Hello, OutputState, Refusal, Request, Status};
 
 use crate::clock::{BoardClock, host_now_s};
@@ -37,6 +37,7 @@ use crate::link::{Link, LinkError};
 pub use error::{AnswerError, ClientError, TransportError};
 pub use exchange::Counts;
 use exchange::Exchange;
+use stop::Confirmation;
 pub use upload::Progress;
 
 /// How often a connection is opened when other hosts open theirs at the same time.
@@ -189,14 +190,25 @@ impl Client {
         self.exchange.listen(for_s)
     }
 
-    /// All coils off at once, in any version of the protocol. The board takes no command from any connection that was
-    /// opened before a stop: [`Client::say_hello`] opens a new one.
+    /// All coils off at once, in any version of the protocol; what the board confirms. The board takes no command from any
+    /// connection that was opened before a stop: [`Client::say_hello`] opens a new one. This is the only stop that a host
+    /// sends; that of [`Client::command`] is the same event on the board.
     ///
     /// # Errors
     ///
     /// The port fails, no answer comes, or what comes is not a valid answer.
+    pub fn stop(&mut self) -> Result<Confirmation, ClientError> {
+        let payload = self.exchange.ask_bootstrap("stop", bootstrap::Request::Stop)?;
+        Stopped::decode(&payload).map(Confirmation::of).ok_or(AnswerError::Payload { request: "stop" }.into())
+    }
+
+    /// The same, for who asks for nothing more than that the coils are off.
+    ///
+    /// # Errors
+    ///
+    /// As [`stop`](Self::stop).
     pub fn stop_at_once(&mut self) -> Result<(), ClientError> {
-        self.exchange.ask_bootstrap("stop", bootstrap::Request::Stop).map(drop)
+        self.stop().map(drop)
     }
 
     /// How the firmware died last, if it did.

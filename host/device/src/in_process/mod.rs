@@ -232,4 +232,6 @@ impl<B: Stepped + 'static> Link for Plug<B> {
 }
 
 #[cfg(test)]
+mod stop_times;
+#[cfg(test)]
 mod tests;

@@ -125,6 +125,17 @@ pub enum LinkError {
         /// The program that has it open.
         holder: String,
     },
+    /// A `darm` that is suspended holds the port.
+    #[error(
+        "{port} is held by the suspended process {process}; continue it with `kill -CONT {process}`, then repeat the stop, or use \
+         the emergency stop"
+    )]
+    Suspended {
+        /// The port as named by the user.
+        port: String,
+        /// Number of the process.
+        process: u32,
+    },
     /// Nobody listens on the socket.
     #[error("nobody listens on {port}; start the emulator or the serial server first")]
     Refused {

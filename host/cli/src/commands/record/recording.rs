@@ -3,7 +3,8 @@
 use std::collections::VecDeque;
 
 use darm_core::output::ActuatorWiring;
-use darm_core::sequencer::{Command, Event};
+use darm_core::sequencer::Event;
+use darm_device::client::stop::Confirmation;
 use darm_device::client::{Client, TimedEvent};
 use darm_device::strokes::{SentRow, stroke_times};
 use darm_diagnose::measurement::Sample;
@@ -109,7 +110,10 @@ impl<'a> Recording<'a> {
             return Ok(());
         }
         if self.stops_without_camera {
-            self.program.client.command(Command::Stop)?;
+            let stopped = self.program.client.stop()?;
+            if stopped != Confirmation::Confirmed {
+                self.program.ui.note(stopped.text());
+            }
             let then = "the arm is stopped. Start it again and repeat the command: this look is measured again";
             return Err(self.lost(then).into());
         }

@@ -5,21 +5,24 @@
 //!
 //! - The process that holds the port sends it past whatever it is doing: [`hold`] makes a port that can do so, through a
 //!   [`StopHandle`] within the process and through a Unix socket (`socket`) for other processes.
-//! - Where no such process answers, [`stop_at`] opens the port without holding it exclusively and sends the frame itself.
+//! - Where no such process answers, [`stop_at`] opens the port without holding it exclusively and sends the frame itself. A socket
+//!   serves one connection: a holder that is suspended there is continued first (`suspended`).
 
 mod shared;
 mod socket;
+mod suspended;
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::channel;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use darm_core::wire::bootstrap::Request;
+use darm_core::wire::bootstrap::{Request, Servos, Stopped};
 use darm_core::wire::frame::{Header, MAX_FRAME, encode};
 
 use crate::link::{self, LinkError};
 pub use shared::{StopHandle, hold};
+use suspended::Suspended;
 
 /// Every stop ends within this time, confirmed or not.
 pub const STOP_BOUND: Duration = Duration::from_millis(900);
@@ -31,10 +34,36 @@ const REPEAT: Duration = Duration::from_millis(150);
 /// What is known of a stop that was sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Confirmation {
-    /// The board has answered: all coils are off.
+    /// The board has answered: all coils are off, and the servos have their orders where it has servos.
     Confirmed,
+    /// The board has answered: all coils are off. It is held after crashes and does not control its servos.
+    OutputsAlone,
     /// The frame was sent; no answer came in time.
     Missing,
+}
+
+impl Confirmation {
+    /// What a confirmation of the board covers. Earlier firmware does not say what its servos do.
+    pub fn of(stopped: Stopped) -> Self {
+        match stopped.servos {
+            Some(Servos::Uncontrolled) => Self::OutputsAlone,
+            Some(Servos::Absent | Servos::Ordered) | None => Self::Confirmed,
+        }
+    }
+
+    /// What is known of the outputs and the servos, and what to do where that is not enough.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Confirmed => "all coils are off",
+            Self::OutputsAlone => {
+                "all coils are off, but the servos are not controlled by this board now, which is held after crashes: cut their \
+                 supply"
+            }
+            Self::Missing => {
+                "the stop was sent, but the board did not confirm it within 1 s; switch off the arm's supply"
+            }
+        }
+    }
 }
 
 /// Stops the board at this port, within [`STOP_BOUND`]; `holder` is the socket of a process that may hold the port.
@@ -55,16 +84,34 @@ pub fn stop_at(port: &str, holder: Option<PathBuf>) -> Result<Confirmation, Link
 }
 
 fn stop_before(port: &str, holder: Option<&Path>, until: Instant) -> Result<Confirmation, LinkError> {
-    let asked = holder.and_then(|socket| socket::ask(socket, HOLDER_BOUND));
-    if asked == Some(Confirmation::Confirmed) {
-        return Ok(Confirmation::Confirmed);
+    let suspended = holder.and_then(Suspended::holder_of);
+    let asked = match (holder, &suspended) {
+        (Some(socket), None) => socket::ask(socket, HOLDER_BOUND),
+        // A serial port takes the frame of a second program; a socket serves the suspended one alone.
+        (Some(socket), Some(suspended)) if is_socket(port) => suspended.ask(socket, HOLDER_BOUND),
+        (Some(_), Some(_)) | (None, _) => None,
+    };
+    if let Some(confirmed @ (Confirmation::Confirmed | Confirmation::OutputsAlone)) = asked {
+        return Ok(confirmed);
     }
     let sent = link::open_shared(port).and_then(|link| {
         let (_link, handle) = hold(link, None);
         handle.stop(until.saturating_duration_since(Instant::now()))
     });
-    // What the holder has sent was sent, even if a second frame could not be.
-    sent.or_else(|error| asked.ok_or(error))
+    // It may have been suspended while it was asked.
+    let suspended = suspended.or_else(|| holder.and_then(Suspended::holder_of));
+    match (sent, asked, suspended) {
+        (Ok(confirmed @ (Confirmation::Confirmed | Confirmation::OutputsAlone)), ..) => Ok(confirmed),
+        // What the holder has sent was sent, even if a second frame could not be.
+        (_, Some(asked), _) => Ok(asked),
+        // Whether a socket has a listener for what waits in it is not known.
+        (_, None, Some(suspended)) => Err(suspended.error(port)),
+        (sent, None, None) => sent,
+    }
+}
+
+fn is_socket(port: &str) -> bool {
+    ["unix:", "tcp:"].iter().any(|kind| port.starts_with(kind))
 }
 
 /// Whether another process holds the port whose socket this is.

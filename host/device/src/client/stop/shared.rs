@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, TryLockError, Weak};
 use std::time::{Duration, Instant};
 
-use darm_core::wire::bootstrap::{ANSWER, Request};
+use darm_core::wire::bootstrap::{ANSWER, Request, Stopped};
 use darm_core::wire::frame::Header;
 
 use super::socket::Serving;
@@ -59,8 +59,8 @@ struct Line {
 #[derive(Default)]
 struct Heard {
     reader: Reader,
-    /// Numbers of the stops that were confirmed last.
-    confirmed: VecDeque<u16>,
+    /// The stops that were confirmed last: their numbers, and what was said.
+    confirmed: VecDeque<(u16, Stopped)>,
 }
 
 impl Heard {
@@ -68,9 +68,9 @@ impl Heard {
         for piece in self.reader.read(host_now_s(), bytes) {
             if let Piece::Frame(Header { tag, link: 0, number }, payload) = piece
                 && tag == Request::Stop.tag() | ANSWER
-                && payload.first() == Some(&0)
+                && let Some(stopped) = Stopped::decode(&payload)
             {
-                self.confirmed.push_back(number);
+                self.confirmed.push_back((number, stopped));
                 let old = self.confirmed.len().saturating_sub(REMEMBERED);
                 self.confirmed.drain(..old);
             }
@@ -97,14 +97,14 @@ impl Shared {
     }
 
     /// Waits until one of these stops is confirmed, reading the port where nobody else does.
-    fn is_confirmed(&self, numbers: &[u16], until: Instant) -> bool {
+    fn confirmed(&self, numbers: &[u16], until: Instant) -> Option<Stopped> {
         loop {
             let heard = lock(&self.heard);
-            if heard.confirmed.iter().any(|number| numbers.contains(number)) {
-                return true;
+            if let Some((_, stopped)) = heard.confirmed.iter().find(|(number, _)| numbers.contains(number)) {
+                return Some(*stopped);
             }
             if Instant::now() >= until {
-                return false;
+                return None;
             }
             drop(heard);
             match self.line.try_lock() {
@@ -181,8 +181,8 @@ impl StopHandle {
                 Err(error) if sent.is_empty() => return Err(error),
                 Err(_) => {}
             }
-            if shared.is_confirmed(&sent, until.min(Instant::now() + REPEAT)) {
-                return Ok(Confirmation::Confirmed);
+            if let Some(stopped) = shared.confirmed(&sent, until.min(Instant::now() + REPEAT)) {
+                return Ok(Confirmation::of(stopped));
             }
             if Instant::now() >= until {
                 return Ok(Confirmation::Missing);

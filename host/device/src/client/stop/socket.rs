@@ -1,7 +1,7 @@
 //! The Unix socket on which a process that holds a port takes the stop from others.
 //!
-//! One connection is one stop: the asker sends `stop` and a line end, the holder answers with one line, `confirmed`,
-//! `sent` (the board has not confirmed) or `failed` (the port takes no bytes).
+//! One connection is one stop: the asker sends `stop` and a line end, the holder answers with one line, `confirmed`, `outputs alone`
+//! (the board does not control its servos), `sent` (the board has not confirmed) or `failed` (the port takes no bytes).
 
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::os::unix::net::{UnixListener, UnixStream};
@@ -77,6 +77,7 @@ fn answer(mut asker: UnixStream, handle: &StopHandle) -> std::io::Result<()> {
     }
     let said: &[u8] = match handle.stop(HOLDER_WORK) {
         Ok(Confirmation::Confirmed) => b"confirmed\n",
+        Ok(Confirmation::OutputsAlone) => b"outputs alone\n",
         Ok(Confirmation::Missing) => b"sent\n",
         Err(_) => b"failed\n",
     };
@@ -91,6 +92,7 @@ pub(super) fn ask(socket: &Path, within: Duration) -> Option<Confirmation> {
     holder.write_all(b"stop\n").ok()?;
     match line(&holder).ok()?.as_str() {
         "confirmed" => Some(Confirmation::Confirmed),
+        "outputs alone" => Some(Confirmation::OutputsAlone),
         "sent" => Some(Confirmation::Missing),
         _ => None,
     }
