@@ -1,21 +1,26 @@
 //! Servo joints on a half-duplex bus: Feetech STS servos, up to [`MAX_SERVOS`] of them.
 //!
 //! The bus task visits every servo of the profile once a [`CYCLE`], those first that a stop is to hold: it reads position,
-//! load and status, writes what the servo is to do when that changed, and reports to the control tick. A servo that does not
-//! answer keeps its last answer's time, and the sequencer finds that too old. What is written is clamped to the profile's
+//! speed, load and status, writes what the servo is to do when that changed, and reports to the control tick. A servo that does
+//! not answer keeps its last answer's time, and the sequencer finds that too old. What is written is clamped to the profile's
 //! limits again.
 //!
-//! | action    | written                                                                                    |
-//! |-----------|--------------------------------------------------------------------------------------------|
-//! | `Go`      | torque on, the target, its speed and torque                                                |
-//! | `Hold`    | the present position as the goal, once, and only where the servo has torque                 |
-//! | `Release` | torque off                                                                                 |
+//! | action    | written                                                                                     |
+//! |-----------|---------------------------------------------------------------------------------------------|
+//! | `Go`      | torque on, the target, its speed and torque                                                  |
+//! | `Hold`    | the present position as the goal, at the profile's speed and torque, where the servo has torque |
+//! | `Release` | torque off                                                                                  |
+//!
+//! What a hold or a release has written is read back, and written again until the servo has it. No single answer decides: a
+//! position becomes a goal after two reads that agree with each other and with the one before, registers count as read
+//! when two answers in a row are the same.
 //!
 //! Angles are those of the shaft; its zero is the servo's middle position, 2048 of 4096 steps a turn.
 //! Source: Feetech, STS3215 memory table.
 
 pub mod echo;
 mod packet;
+mod place;
 
 use core::f32::consts::TAU;
 
@@ -28,6 +33,7 @@ use embedded_io_async::{Read, Write};
 use crate::clock::Clock;
 use crate::control::{Joint, Joints, Shared};
 use packet::{Packet, Parser};
+use place::{Place, Sample};
 
 /// Time from one visit of a servo to the next.
 pub const CYCLE: Micros = Micros::from_millis(10);
@@ -35,16 +41,25 @@ pub const CYCLE: Micros = Micros::from_millis(10);
 pub const ANSWER_TIMEOUT: Micros = Micros::from_millis(20);
 /// The bus is quiet after this time without a byte.
 const QUIET: Micros = Micros::from_millis(2);
-/// A target is written again after this many visits even if it did not change: the servo may have lost power.
+/// What a servo does is written, or read back, again after this many visits even if it did not change: the servo may have lost
+/// power.
 const REWRITE_VISITS: u8 = 50;
+/// Reads of one visit until two, or three, in a row agree: three may be damaged.
+const MAX_READS: u8 = 6;
+/// A hold that starts again keeps its goal where the load has bent the servo by less than this, steps: 1.4°. A new goal each
+/// time would creep.
+const BENT_STEPS: u16 = 16;
 
 const MIDDLE: f32 = 2048.0;
 
 /// First of: torque on, acceleration, goal position, time, speed, torque limit.
 const TORQUE_ENABLE: u8 = 40;
+/// The same without the torque: what a hold writes gives torque to no servo.
+const ACCELERATION: u8 = 41;
+/// Registers of a goal, from [`TORQUE_ENABLE`] on.
+const GOAL_LEN: u8 = 10;
 /// First of: present position, speed, load.
 const PRESENT: u8 = 56;
-const PRESENT_LEN: u8 = 6;
 /// Sign bit of positions.
 const POSITION_SIGN: u16 = 1 << 15;
 /// Sign bit of loads.
@@ -57,6 +72,8 @@ pub enum BusError {
     Silent,
     /// An answer of another length than requested.
     Length,
+    /// Its answers contradict each other.
+    Doubtful,
     /// The port failed.
     Port,
 }
@@ -67,14 +84,37 @@ pub struct Bus<R, W, C> {
     writer: W,
     clock: C,
     parser: Parser,
-    written: [Option<Written>; MAX_SERVOS],
+    known: [Known; MAX_SERVOS],
+    /// Stops that have reached the holds.
+    stops: u32,
 }
 
-/// What was written to a servo last.
-#[derive(Clone, Copy, PartialEq)]
-struct Written {
-    joint: Joint,
+/// How far a servo is with what it is to do.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Progress {
+    /// It has not been written.
+    #[default]
+    Due,
+    /// It was written; whether the servo has taken it is not known.
+    Written,
+    /// The servo has answered that it has it.
+    Done,
+}
+
+/// What the bus knows of one servo.
+#[derive(Clone, Copy, Debug, Default)]
+struct Known {
+    /// What it is to do since the last visit that got as far as that.
+    action: Option<ServoAction>,
+    /// Where it was seen last; `None` when it has not answered since, or never.
+    place: Option<Place>,
+    /// The position that it holds, steps.
+    goal: Option<i16>,
+    progress: Progress,
+    /// Visits since it was done.
     visits: u8,
+    /// It had torque when that was last written or read.
+    is_driven: bool,
     /// It did not answer when it was visited last.
     is_silent: bool,
 }
@@ -82,7 +122,7 @@ struct Written {
 impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
     /// A bus on which nothing was said yet.
     pub fn new(reader: R, writer: W, clock: C) -> Self {
-        Self { reader, writer, clock, parser: Parser::default(), written: [None; MAX_SERVOS] }
+        Self { reader, writer, clock, parser: Parser::default(), known: [Known::default(); MAX_SERVOS], stops: 0 }
     }
 
     /// Serves the joints for ever.
@@ -98,17 +138,29 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
     /// Visits every servo once, first those that are to hold and still go to a target; of these first those that answer.
     pub async fn visit_all(&mut self, shared: &Shared<'_>) {
         let mut waiting = [true; MAX_SERVOS];
-        while let Some((index, joint)) = self.next_visit(&mut waiting, &shared.joints()) {
+        loop {
+            self.hear_stop(shared.stops());
+            let Some((index, joint)) = self.next_visit(&mut waiting, &shared.joints()) else { break };
             let Some(joint) = joint else {
-                self.set_written(index, None);
+                self.note(index, |known| *known = Known::default());
                 continue;
             };
-            match self.visit(index, joint, shared).await {
+            match self.visit(index, &joint.limit, shared).await {
                 Ok(seen) => shared.see_servo(index, seen),
                 Err(_) => {
                     shared.note_unanswered();
                     self.settle().await;
                 }
+            }
+        }
+    }
+
+    /// Each stop starts all holds again: the one before may have gone wrong.
+    fn hear_stop(&mut self, stops: u32) {
+        if stops != self.stops {
+            self.stops = stops;
+            for known in self.known.iter_mut().filter(|known| known.action == Some(ServoAction::Hold)) {
+                known.progress = Progress::Due;
             }
         }
     }
@@ -121,107 +173,163 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
         Some((next, joints.get(next).copied().flatten()))
     }
 
-    /// 0 for a servo that goes to a target which it is to leave, 1 for a silent one, 2 for others.
+    /// 0 for a servo that may go to a target which it is to leave, 1 for a silent one, 2 for others.
     fn rank(&self, index: usize, joints: &Joints) -> u8 {
-        let is_to_go = joints.get(index).copied().flatten().is_some_and(|joint| goes(&joint));
-        match self.written.get(index).copied().flatten() {
-            Some(last) if goes(&last.joint) && !is_to_go => u8::from(last.is_silent),
-            _ => 2,
-        }
+        let is_to_go = joints.get(index).copied().flatten().is_some_and(|joint| goes(&joint.action));
+        let known = self.known(index);
+        let is_held = known.progress == Progress::Done && !known.action.as_ref().is_some_and(goes);
+        if is_to_go || is_held { 2 } else { u8::from(known.is_silent) }
     }
 
-    /// Whether it does what was written last is not known: the next visit writes what it is to do. A position that is held is
-    /// not written again all the same: where the load has bent it to is no new goal.
-    fn doubt(&mut self, index: usize, is_silent: bool) {
-        if let Some(Some(last)) = self.written.get_mut(index) {
-            *last = Written { visits: REWRITE_VISITS, is_silent, ..*last };
-        }
+    fn known(&self, index: usize) -> Known {
+        self.known.get(index).copied().unwrap_or_default()
     }
 
-    fn set_written(&mut self, index: usize, written: Option<Written>) {
-        if let Some(slot) = self.written.get_mut(index) {
-            *slot = written;
+    fn note(&mut self, index: usize, change: impl FnOnce(&mut Known)) {
+        if let Some(known) = self.known.get_mut(index) {
+            change(known);
         }
     }
 
     /// Reads first: what is written may depend on where the servo is.
-    async fn visit(&mut self, index: usize, joint: Joint, shared: &Shared<'_>) -> Result<ServoSeen, BusError> {
-        let (seen, position) = match self.look(joint.limit.id).await {
-            Ok(found) => found,
+    async fn visit(&mut self, index: usize, limit: &ServoWiring, shared: &Shared<'_>) -> Result<ServoSeen, BusError> {
+        let before = self.known(index).place;
+        let sample = match self.agree(limit, before, 2).await {
+            Ok(sample) => sample,
             Err(error) => {
-                self.doubt(index, true);
+                self.note(index, |known| known.miss(error == BusError::Silent));
                 return Err(error);
             }
         };
+        self.note(index, |known| (known.place, known.is_silent) = (Some(sample.place), false));
+        let seen = sample.seen();
         if shared.servo_seen(index).answered.is_none() {
             // What is written next may drive it although its answer is lost: from now on its silence counts.
             shared.see_servo(index, seen);
         }
         // What it is to do may have changed meanwhile: no target from before a stop is written after it.
         let Some(joint) = shared.joints().get(index).copied().flatten() else { return Ok(seen) };
-        let visits = match self.written.get(index).copied().flatten() {
-            Some(last) if last.joint == joint && last.visits < REWRITE_VISITS => last.visits.saturating_add(1),
-            // The position that is held was written once; again it would creep.
-            Some(last) if last.joint == joint && joint.action == ServoAction::Hold => last.visits,
-            _ => {
-                // Whether it does this or still the last is not known before it answers.
-                if goes(&joint) {
-                    self.set_written(index, Some(Written { joint, visits: REWRITE_VISITS, is_silent: false }));
-                } else {
-                    self.doubt(index, false);
-                }
-                self.act(&joint, position).await?;
-                0
-            }
-        };
-        self.set_written(index, Some(Written { joint, visits, is_silent: false }));
+        self.note(index, |known| known.begin(joint.action));
+        match joint.action {
+            ServoAction::Go(target) => self.go(index, goal(&target, &joint.limit), joint.limit.id).await?,
+            ServoAction::Hold => self.hold(index, &joint.limit, &sample).await?,
+            ServoAction::Release => self.release(index, joint.limit.id).await?,
+        }
         Ok(seen)
     }
 
-    /// What a servo reports, and its position in steps.
-    async fn look(&mut self, id: u8) -> Result<(ServoSeen, u16), BusError> {
-        // An answer may wait to be read while the flash lets nothing run: it is as old as its request.
-        let asked = self.clock.now();
-        let answer = self.ask(&Packet::read(id, PRESENT, PRESENT_LEN)).await?;
-        let &[p0, p1, _, _, l0, l1] = answer.parameters() else { return Err(BusError::Length) };
-        let position = u16::from_le_bytes([p0, p1]);
-        let load = u16::from_le_bytes([l0, l1]) & (LOAD_SIGN - 1);
-        let seen = ServoSeen {
-            angle_rad: angle_rad(position),
-            load: f32::from(load) * 1e-3,
-            error: answer.code,
-            answered: Some(asked),
-        };
-        Ok((seen, position))
+    async fn go(&mut self, index: usize, registers: [u8; GOAL_LEN as usize], id: u8) -> Result<(), BusError> {
+        let known = self.known(index);
+        if known.progress == Progress::Done && known.visits <= REWRITE_VISITS {
+            return Ok(());
+        }
+        // Whether it does this or still the last is not known before it answers.
+        self.note(index, |known| (known.progress, known.is_driven) = (Progress::Written, false));
+        self.write(id, TORQUE_ENABLE, &registers).await?;
+        self.note(index, |known| known.is_done(true));
+        Ok(())
     }
 
-    async fn act(&mut self, joint: &Joint, position: u16) -> Result<(), BusError> {
-        let id = joint.limit.id;
-        match joint.action {
-            ServoAction::Go(target) => self.write(id, &goal(&target, &joint.limit)).await,
-            ServoAction::Release => self.write(id, &[0]).await,
-            ServoAction::Hold => {
-                let answer = self.ask(&Packet::read(id, TORQUE_ENABLE, 1)).await?;
-                match answer.parameters() {
-                    [0] => Ok(()),
-                    [_] => {
-                        let (speed_rad_s, torque) = (joint.limit.max_speed_rad_s, joint.limit.max_torque);
-                        // Out of the range, or further round than one turn, it holds too: to turn back would be a motion
-                        // that nobody requested.
-                        self.write(id, &registers(position, speed_rad_s, torque)).await
-                    }
-                    _ => Err(BusError::Length),
-                }
+    /// Out of the range, or further round than one turn, it holds too: to turn back would be a motion that nobody requested.
+    async fn hold(&mut self, index: usize, limit: &ServoWiring, sample: &Sample) -> Result<(), BusError> {
+        let known = self.known(index);
+        if known.progress == Progress::Done && known.visits <= REWRITE_VISITS {
+            return Ok(());
+        }
+        // One that has answered that it goes has torque: its hold does not wait for a further answer.
+        if known.progress != Progress::Due || !known.is_driven {
+            let found = self.registers(limit.id).await?;
+            let [torque, ..] = found;
+            if torque == 0 {
+                self.note(index, |known| {
+                    known.goal = None;
+                    known.is_done(false);
+                });
+                return Ok(());
+            }
+            let has_goal = known.goal.is_some_and(|steps| keeps(&found, &held(steps, limit)));
+            if known.progress != Progress::Due && has_goal {
+                self.note(index, |known| known.is_done(true));
+                return Ok(());
             }
         }
+        let sample = self.agree(limit, Some(sample.place), 3).await?;
+        let is_kept = |goal: &i16| goal.abs_diff(sample.place.steps) <= BENT_STEPS;
+        let steps = known.goal.filter(is_kept).unwrap_or_else(|| place_to_hold(&sample, limit));
+        self.note(index, |known| {
+            known.place = Some(sample.place);
+            (known.goal, known.progress) = (Some(steps), Progress::Written);
+        });
+        let [_, values @ ..] = held(steps, limit);
+        self.write(limit.id, ACCELERATION, &values).await
     }
 
-    async fn write(&mut self, id: u8, values: &[u8]) -> Result<(), BusError> {
-        self.ask(&Packet::write(id, TORQUE_ENABLE, values)).await.map(drop)
+    async fn release(&mut self, index: usize, id: u8) -> Result<(), BusError> {
+        let known = self.known(index);
+        if known.progress == Progress::Done && known.visits <= REWRITE_VISITS {
+            return Ok(());
+        }
+        if known.progress != Progress::Due {
+            let [torque, ..] = self.registers(id).await?;
+            if torque == 0 {
+                self.note(index, |known| known.is_done(false));
+                return Ok(());
+            }
+        }
+        self.note(index, |known| (known.progress, known.is_driven) = (Progress::Written, false));
+        self.write(id, TORQUE_ENABLE, &[0]).await
     }
 
-    /// One request, and the answer of the servo it was meant for.
-    async fn ask(&mut self, request: &Packet) -> Result<Packet, BusError> {
+    /// Reads where a servo is until `enough` reads in a row agree. `before` is the last of them that were read already, one less
+    /// than enough; where the next one does not agree with it the row begins again.
+    async fn agree(&mut self, limit: &ServoWiring, mut before: Option<Place>, enough: u8) -> Result<Sample, BusError> {
+        let mut in_a_row = enough.saturating_sub(1);
+        for _ in 0..MAX_READS {
+            // An answer may wait to be read while the flash lets nothing run: it is as old as its request.
+            let asked = self.clock.now();
+            let (values, error) = self.read(limit.id, PRESENT).await?;
+            let mut sample = Sample::new(values, error, asked, self.clock.now());
+            match before.filter(|before| before.leads_to(&sample, limit)) {
+                Some(before) => {
+                    in_a_row = in_a_row.saturating_add(1);
+                    sample.before_steps = before.steps;
+                }
+                None => in_a_row = 1,
+            }
+            if in_a_row >= enough {
+                return Ok(sample);
+            }
+            before = Some(sample.place);
+        }
+        Err(BusError::Doubtful)
+    }
+
+    /// The registers of its goal, as two answers in a row say.
+    async fn registers(&mut self, id: u8) -> Result<[u8; GOAL_LEN as usize], BusError> {
+        let mut before = None;
+        for _ in 0..MAX_READS {
+            let (values, _) = self.read(id, TORQUE_ENABLE).await?;
+            if before == Some(values) {
+                return Ok(values);
+            }
+            before = Some(values);
+        }
+        Err(BusError::Doubtful)
+    }
+
+    /// Values of registers, and the error bits of the answer.
+    async fn read<const N: usize>(&mut self, id: u8, first: u8) -> Result<([u8; N], u8), BusError> {
+        let answer = self.ask(&Packet::read(id, first, N as u8), N).await?;
+        let values = answer.parameters().try_into().map_err(|_| BusError::Length)?;
+        Ok((values, answer.code))
+    }
+
+    async fn write(&mut self, id: u8, first: u8, values: &[u8]) -> Result<(), BusError> {
+        self.ask(&Packet::write(id, first, values), 0).await.map(drop)
+    }
+
+    /// One request, and the answer of the servo it was meant for, with as many values as were requested.
+    async fn ask(&mut self, request: &Packet, values: usize) -> Result<Packet, BusError> {
         self.parser = Parser::default();
         self.writer.write_all(request.encode().as_slice()).await.map_err(|_| BusError::Port)?;
         self.writer.flush().await.map_err(|_| BusError::Port)?;
@@ -234,7 +342,7 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
                 answer = self.parser.push(*byte).filter(|packet| packet.id == request.id).or(answer);
             }
             if let Some(answer) = answer {
-                return Ok(answer);
+                return if answer.parameters().len() == values { Ok(answer) } else { Err(BusError::Length) };
             }
         }
     }
@@ -254,9 +362,51 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
     }
 }
 
+impl Known {
+    /// It did not answer, or not clearly. Whether it does what was written last is not known: that is written again, or read back.
+    /// A position that is held stays the goal all the same: where the load has bent it to is no new one.
+    fn miss(&mut self, is_silent: bool) {
+        (self.place, self.is_driven, self.visits, self.is_silent) = (None, false, REWRITE_VISITS, is_silent);
+    }
+
+    /// Begins another action, or goes on with the same one.
+    fn begin(&mut self, action: ServoAction) {
+        if self.action != Some(action) {
+            // One that goes has no position that it holds.
+            (self.action, self.progress, self.goal) = (Some(action), Progress::Due, None);
+        }
+        self.visits = self.visits.saturating_add(1);
+    }
+
+    fn is_done(&mut self, is_driven: bool) {
+        (self.progress, self.visits, self.is_driven) = (Progress::Done, 0, is_driven);
+    }
+}
+
 /// Whether it moves.
-fn goes(joint: &Joint) -> bool {
-    matches!(joint.action, ServoAction::Go(_))
+fn goes(action: &ServoAction) -> bool {
+    matches!(action, ServoAction::Go(_))
+}
+
+/// The position to hold, steps: where the servo is, in the range unless two reads say that it is out of it.
+fn place_to_hold(sample: &Sample, limit: &ServoWiring) -> i16 {
+    let [low, high] = [limit.min_rad, limit.max_rad].map(|rad| steps(rad) as i16);
+    let is_inside = |steps: i16| (low..=high).contains(&steps);
+    let seen = sample.place.steps;
+    if is_inside(seen) || is_inside(sample.before_steps) { seen.clamp(low, high) } else { seen }
+}
+
+/// The registers of a servo that holds a position.
+fn held(steps: i16, limit: &ServoWiring) -> [u8; GOAL_LEN as usize] {
+    registers(place::register(steps), limit.max_speed_rad_s, limit.max_torque)
+}
+
+/// Whether registers that were read hold the goal of others, no faster and no stronger.
+fn keeps(found: &[u8; GOAL_LEN as usize], wanted: &[u8; GOAL_LEN as usize]) -> bool {
+    let parts =
+        |&[_, _, p0, p1, _, _, s0, s1, t0, t1]: &[u8; 10]| [[p0, p1], [s0, s1], [t0, t1]].map(u16::from_le_bytes);
+    let ([position, speed, torque], [goal, max_speed, max_torque]) = (parts(found), parts(wanted));
+    position == goal && (1..=max_speed).contains(&speed) && torque <= max_torque
 }
 
 /// The registers of a target, no farther, faster or stronger than the limit.

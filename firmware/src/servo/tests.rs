@@ -10,6 +10,11 @@ use embedded_io_async::ErrorType;
 use super::*;
 use crate::tests::fakes::{HandClock, run};
 
+mod hold;
+
+/// Changes the answer to a request.
+type Spoil = Box<dyn FnMut(&Packet, &mut Vec<u8>)>;
+
 /// Registers of one servo, which answers to every address, and what it does with the bytes it gets.
 struct Fake {
     /// Addresses of the requests.
@@ -22,6 +27,13 @@ struct Fake {
     writes: Cell<u32>,
     /// Polls for which a read waits although an answer is there.
     unread: Cell<u32>,
+    /// The next answer with a position has two bits damaged, and the sum that it had.
+    damage: Cell<bool>,
+    spoil: RefCell<Option<Spoil>>,
+    /// Writes that it answers and does not take.
+    untaken: Cell<u32>,
+    /// Goals that it was sent, each with where it was then.
+    goals: RefCell<Vec<(u16, u16)>>,
 }
 
 impl Fake {
@@ -35,6 +47,10 @@ impl Fake {
             error: Cell::new(0),
             writes: Cell::new(0),
             unread: Cell::new(0),
+            damage: Cell::new(false),
+            spoil: RefCell::default(),
+            untaken: Cell::new(0),
+            goals: RefCell::default(),
         }
     }
 
@@ -46,14 +62,34 @@ impl Fake {
         let mut answer = Packet::answer(request.id, self.error.get(), &[]);
         if request.code == 3 {
             self.writes.set(self.writes.get() + 1);
+            let before = *registers;
             registers[first..first + values.len()].copy_from_slice(values);
-            registers.copy_within(42..44, 56);
+            if (first..first + values.len()).contains(&42) {
+                let [goal, present] = [42, 56].map(|at| u16::from_le_bytes([registers[at], registers[at + 1]]));
+                self.goals.borrow_mut().push((goal, present));
+            }
+            if self.untaken.get() > 0 {
+                self.untaken.set(self.untaken.get() - 1);
+                *registers = before;
+            } else {
+                registers.copy_within(42..44, 56);
+            }
         } else {
             answer = Packet::answer(request.id, self.error.get(), &registers[first..first + usize::from(values[0])]);
         }
         let is_mute = self.mute.get() || self.mute_to_writes.get() && request.code == 3;
         if !is_mute {
-            self.out.borrow_mut().extend(answer.encode());
+            let mut bytes = answer.encode();
+            if request.code == 2 && first == 56 && self.damage.replace(false) {
+                // Bit 6 of the position's high byte is gained, bit 6 of the load's low byte lost: the sum stays.
+                bytes[6] ^= 0x40;
+                bytes[9] ^= 0x40;
+            }
+            let mut bytes = bytes.to_vec();
+            if let Some(spoil) = self.spoil.borrow_mut().as_mut() {
+                spoil(request, &mut bytes);
+            }
+            self.out.borrow_mut().extend(bytes);
         }
     }
 }
@@ -260,10 +296,17 @@ fn a_silent_servo_keeps_its_old_answer() {
 fn an_answer_that_is_read_late_is_as_old_as_its_request() {
     let (fake, shared, clock) = (Fake::new(), Shared::new(), HandClock::default());
     shared.set_joints([joint(0.0), None, None, None]);
-    clock.0.set(1000);
-    fake.unread.set(5);
-    assert_eq!(visit(&fake, &shared, &clock, 1).answered, Some(Micros(1000)));
-    assert!(clock.now() >= Micros(1500));
+    fake.registers.borrow_mut()[56..58].copy_from_slice(&steps(0.0).to_le_bytes());
+    let mut bus = Bus::new(&fake, &fake, &clock);
+    let visits = async {
+        bus.visit_all(&shared).await;
+        clock.0.set(10_000);
+        fake.unread.set(5);
+        bus.visit_all(&shared).await;
+    };
+    run(visits, || clock.0.set(clock.0.get() + 100));
+    assert_eq!(shared.servo_seen(0).answered, Some(Micros(10_000)));
+    assert!(clock.now() >= Micros(10_500));
 }
 
 #[test]
@@ -320,4 +363,27 @@ fn a_servo_that_holds_stays_where_it_was_when_answers_are_lost() {
     };
     run(visits, || clock.0.set(clock.0.get() + 100));
     assert_eq!(goal(), 2500);
+}
+
+/// The sum of a packet is eight bits: two bits of one place that turn over in opposite directions leave it as it is. One such
+/// answer, in the visit in which a stop arrives, must not send the servo anywhere.
+#[test]
+fn one_damaged_position_does_not_become_the_goal_of_a_stop() {
+    let (fake, shared, clock) = (Fake::new(), Shared::new(), HandClock::default());
+    shared.set_joints([joint(0.6), None, None, None]);
+    let mut bus = Bus::new(&fake, &fake, &clock);
+    let visits = async {
+        bus.visit_all(&shared).await;
+        fake.registers.borrow_mut()[60] = 0x40;
+        bus.visit_all(&shared).await;
+        shared.set_joints([doing(ServoAction::Hold), None, None, None]);
+        fake.damage.set(true);
+        for _ in 0..5 {
+            bus.visit_all(&shared).await;
+        }
+    };
+    run(visits, || clock.0.set(clock.0.get() + 100));
+    let [p0, p1] = fake.registers.borrow()[42..44] else { unreachable!() };
+    let goal = u16::from_le_bytes([p0, p1]);
+    assert!((steps(-1.0)..=steps(1.0)).contains(&goal), "the stop sent the servo to step {goal}");
 }

@@ -1,0 +1,321 @@
+//! A hold keeps the servo where it is, whatever is damaged or lost on the bus.
+
+use std::rc::Rc;
+
+use super::*;
+
+/// A servo with torque on its way to step 3000, at this step.
+fn under_way(at: u16) -> Fake {
+    let fake = Fake::new();
+    fake.registers.borrow_mut()[40] = 1;
+    fake.registers.borrow_mut()[42..44].copy_from_slice(&3000u16.to_le_bytes());
+    stand_at(&fake, at);
+    fake
+}
+
+fn stand_at(fake: &Fake, at: u16) {
+    fake.registers.borrow_mut()[56..58].copy_from_slice(&at.to_le_bytes());
+}
+
+fn goal_of(fake: &Fake) -> u16 {
+    u16::from_le_bytes([fake.registers.borrow()[42], fake.registers.borrow()[43]])
+}
+
+/// Numbers from a seed: a linear congruence, of which the high bits are used.
+struct Numbers(u32);
+
+impl Numbers {
+    fn next(&mut self, below: u32) -> u32 {
+        self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (self.0 >> 8) % below
+    }
+}
+
+/// Two bits turned over, where the answer is as long as that.
+fn flip(bytes: &mut [u8], bits: (usize, usize)) {
+    for bit in [bits.0, bits.1] {
+        if let Some(byte) = bytes.get_mut(bit / 8) {
+            *byte ^= 1 << (bit % 8);
+        }
+    }
+}
+
+/// Pairs of bits whose damage a parser does not notice.
+fn unnoticed(bytes: &[u8]) -> Vec<(usize, usize)> {
+    let bits = 8 * bytes.len();
+    let pairs = (0..bits).flat_map(|first| (first + 1..bits).map(move |second| (first, second)));
+    let passes = |pair: &(usize, usize)| {
+        let (mut parser, mut damaged) = (Parser::default(), bytes.to_vec());
+        flip(&mut damaged, *pair);
+        damaged.iter().any(|byte| parser.push(*byte).is_some())
+    };
+    pairs.filter(passes).collect()
+}
+
+/// Answers of a servo from the visit on in which a stop arrives.
+type Answers = Rc<RefCell<Vec<Vec<u8>>>>;
+
+/// What a stop did.
+struct Stopped {
+    /// Goals that the servo was sent, each with where it was then.
+    goals: Vec<(u16, u16)>,
+    /// The goal that it has at the end.
+    goal: u16,
+    answers: Vec<Vec<u8>>,
+}
+
+impl Stopped {
+    /// Whether each goal is where the servo was, but for what its answers may differ, and the last one is in force.
+    fn is_held(&self) -> bool {
+        let is_there = |(goal, place): &(u16, u16)| f32::from(goal.abs_diff(*place)) <= 1.0 + place::NOISE_STEPS;
+        self.goals.iter().all(is_there) && self.goals.last().is_some_and(|(goal, _)| *goal == self.goal)
+    }
+}
+
+/// A servo goes at 650 steps/s from `start`, and a stop arrives. Two bits are damaged in each answer from then on that `damage`
+/// numbers.
+fn stop(start: u16, load: u16, damage: &[(usize, (usize, usize))]) -> Stopped {
+    let (fake, shared, clock) = (Fake::new(), Shared::new(), HandClock::default());
+    stand_at(&fake, start);
+    fake.registers.borrow_mut()[60..62].copy_from_slice(&load.to_le_bytes());
+    let mut bus = Bus::new(&fake, &fake, &clock);
+    let answers = Answers::default();
+    let spoil = {
+        let (answers, damage) = (Rc::clone(&answers), damage.to_vec());
+        move |_: &Packet, bytes: &mut Vec<u8>| {
+            let number = answers.borrow().len();
+            answers.borrow_mut().push(bytes.clone());
+            damage.iter().filter(|(at, _)| *at == number).for_each(|(_, bits)| flip(bytes, *bits));
+        }
+    };
+    let advance = || {
+        // From its goal on it stays there.
+        if fake.spoil.borrow().is_none() || fake.goals.borrow().is_empty() {
+            stand_at(&fake, start + (clock.0.get() * 650 / 1_000_000) as u16);
+        }
+    };
+    let visits = async {
+        shared.set_joints([joint(0.9), None, None, None]);
+        for _ in 0..3 {
+            bus.visit_all(&shared).await;
+            advance();
+        }
+        shared.stop();
+        shared.set_joints([doing(ServoAction::Hold), None, None, None]);
+        *fake.spoil.borrow_mut() = Some(Box::new(spoil));
+        fake.goals.borrow_mut().clear();
+        for _ in 0..8 {
+            bus.visit_all(&shared).await;
+            clock.0.set(clock.0.get() + CYCLE.0);
+        }
+    };
+    run(visits, || {
+        clock.0.set(clock.0.get() + 100);
+        advance();
+    });
+    let (goals, answers) = (fake.goals.borrow().clone(), answers.borrow().clone());
+    Stopped { goals, goal: goal_of(&fake), answers }
+}
+
+/// Every pair of bits that keeps the sum, in every answer of the first visits after a stop.
+#[test]
+fn no_two_damaged_bits_of_an_answer_send_a_stopped_servo_anywhere() {
+    let mut numbers = Numbers(1);
+    let mut n_damaged = 0;
+    for _ in 0..3 {
+        let (start, load) = (1500 + numbers.next(1000) as u16, numbers.next(500) as u16);
+        let undamaged = stop(start, load, &[]);
+        assert!(undamaged.is_held());
+        // Position twice, goal; position, goal read back twice.
+        assert!(undamaged.answers.len() >= 6);
+        for (number, answer) in undamaged.answers.iter().enumerate().take(8) {
+            for pair in unnoticed(answer) {
+                n_damaged += 1;
+                let stopped = stop(start, load, &[(number, pair)]);
+                assert!(stopped.is_held(), "{start}: answer {number}, bits {pair:?}: {:?}", stopped.goals);
+            }
+        }
+    }
+    assert!(n_damaged > 1000, "{n_damaged}");
+}
+
+/// Two answers in a row, each with a damage that its sum does not show.
+#[test]
+fn damaged_answers_that_do_not_agree_send_a_stopped_servo_nowhere() {
+    let mut numbers = Numbers(2);
+    for _ in 0..500 {
+        let (start, load) = (1500 + numbers.next(1000) as u16, numbers.next(500) as u16);
+        let answers = stop(start, load, &[]).answers;
+        let first = numbers.next(answers.len() as u32 - 1) as usize;
+        let mut draw = |number: usize| {
+            let pairs = unnoticed(&answers[number]);
+            (number, pairs[numbers.next(pairs.len() as u32) as usize])
+        };
+        let damage = [draw(first), draw(first + 1)];
+        if damage[0].1 != damage[1].1 {
+            let stopped = stop(start, load, &damage);
+            assert!(stopped.is_held(), "{start}: {damage:?}: {:?}", stopped.goals);
+        }
+    }
+}
+
+/// A visit comes 10 ms after the one before at the latest, and an answer half a millisecond after its request, which takes 0.1 ms,
+/// as the answer does: three requests of four servos take 8.4 ms.
+#[test]
+fn each_of_four_servos_on_their_way_has_its_hold_after_three_requests() {
+    let (fake, shared, clock) = (Fake::new(), Shared::new(), HandClock::default());
+    let all = |joint: Option<Joint>| {
+        [1, 2, 3, 4].map(|id| joint.map(|joint| Joint { limit: ServoWiring { id, ..joint.limit }, ..joint }))
+    };
+    shared.set_joints(all(joint(0.5)));
+    let mut bus = Bus::new(&fake, &fake, &clock);
+    let visits = async {
+        for _ in 0..3 {
+            bus.visit_all(&shared).await;
+        }
+        shared.set_joints(all(doing(ServoAction::Hold)));
+        fake.asked.borrow_mut().clear();
+        fake.goals.borrow_mut().clear();
+        bus.visit_all(&shared).await;
+    };
+    run(visits, || clock.0.set(clock.0.get() + 100));
+    assert_eq!((fake.goals.borrow().len(), fake.asked.borrow().len()), (4, 12));
+}
+
+#[test]
+fn a_goal_that_a_servo_has_not_taken_is_written_again_until_it_is_read_back() {
+    let (fake, shared, clock) = (under_way(2500), Shared::new(), HandClock::default());
+    fake.untaken.set(3);
+    shared.set_joints([doing(ServoAction::Hold), None, None, None]);
+    visit(&fake, &shared, &clock, 60);
+    assert_eq!((goal_of(&fake), fake.writes.get()), (2500, 4));
+}
+
+/// A single answer says that the servo has the goal, as its damage would have it.
+#[test]
+fn one_damaged_answer_does_not_confirm_a_goal() {
+    let (fake, shared, clock) = (under_way(2500), Shared::new(), HandClock::default());
+    fake.untaken.set(1);
+    let wanted = held(2500, &joint(0.0).unwrap().limit);
+    let mut is_damaged = false;
+    let spoil = move |request: &Packet, bytes: &mut Vec<u8>| {
+        let is_read_back = !is_damaged && request.code == 2 && request.parameters()[0] == TORQUE_ENABLE;
+        // Those before the first goal have other registers.
+        if is_read_back && GOALS.get() > 0 {
+            is_damaged = true;
+            *bytes = Packet::answer(1, 0, &wanted).encode().to_vec();
+        }
+    };
+    *fake.spoil.borrow_mut() = Some(Box::new(spoil));
+    shared.set_joints([doing(ServoAction::Hold), None, None, None]);
+    let mut bus = Bus::new(&fake, &fake, &clock);
+    let visits = async {
+        for _ in 0..4 {
+            bus.visit_all(&shared).await;
+            GOALS.set(fake.goals.borrow().len());
+        }
+    };
+    run(visits, || clock.0.set(clock.0.get() + 100));
+    assert_eq!((goal_of(&fake), fake.writes.get()), (2500, 2));
+}
+
+std::thread_local! {
+    /// Goals that were sent in the test of this thread.
+    static GOALS: Cell<usize> = const { Cell::new(0) };
+}
+
+/// The first one has gone wrong all the same: the servo is on its way elsewhere.
+#[test]
+fn a_second_stop_starts_the_hold_again() {
+    let (fake, shared, clock) = (under_way(2500), Shared::new(), HandClock::default());
+    shared.set_joints([doing(ServoAction::Hold), None, None, None]);
+    let mut bus = Bus::new(&fake, &fake, &clock);
+    let visits = async {
+        for _ in 0..3 {
+            bus.visit_all(&shared).await;
+        }
+        fake.registers.borrow_mut()[42..44].copy_from_slice(&900u16.to_le_bytes());
+        stand_at(&fake, 2300);
+        bus.visit_all(&shared).await;
+        assert_eq!(goal_of(&fake), 900);
+        shared.stop();
+        bus.visit_all(&shared).await;
+    };
+    run(visits, || clock.0.set(clock.0.get() + 100));
+    assert_eq!(goal_of(&fake), 2300);
+}
+
+/// Each time the load bends it a little further than its goal: a new one would creep.
+#[test]
+fn a_hold_does_not_creep_when_stops_are_repeated() {
+    let (fake, shared, clock) = (under_way(2500), Shared::new(), HandClock::default());
+    shared.set_joints([doing(ServoAction::Hold), None, None, None]);
+    let mut bus = Bus::new(&fake, &fake, &clock);
+    let visits = async {
+        for _ in 0..20 {
+            bus.visit_all(&shared).await;
+            stand_at(&fake, goal_of(&fake) - BENT_STEPS);
+            shared.stop();
+        }
+    };
+    run(visits, || clock.0.set(clock.0.get() + 100));
+    assert_eq!(goal_of(&fake), 2500);
+}
+
+/// To turn back into the range would be a motion that nobody requested. Read once only it is no goal.
+#[test]
+fn a_servo_out_of_its_range_is_held_where_it_is_after_two_reads() {
+    let (low, high) = (steps(-1.0), steps(1.0));
+    for at in [high + 100, low - 100] {
+        let (fake, shared, clock) = (under_way(at), Shared::new(), HandClock::default());
+        shared.set_joints([doing(ServoAction::Hold), None, None, None]);
+        visit(&fake, &shared, &clock, 3);
+        assert_eq!(goal_of(&fake), at);
+    }
+    let sample = |before_steps: u16, at: u16| {
+        let [p0, p1] = at.to_le_bytes();
+        let mut sample = Sample::new([p0, p1, 0, 0, 0, 0], 0, Micros(0), Micros(0));
+        sample.before_steps = before_steps as i16;
+        sample
+    };
+    let limit = joint(0.0).unwrap().limit;
+    assert_eq!(place_to_hold(&sample(high - 1, high + 3), &limit), high as i16);
+    assert_eq!(place_to_hold(&sample(high + 3, high - 1), &limit), high as i16 - 1);
+    assert_eq!(place_to_hold(&sample(high + 3, high + 4), &limit), high as i16 + 4);
+}
+
+#[test]
+fn a_hold_is_no_faster_and_no_stronger_than_the_profile() {
+    let (fake, shared, clock) = (under_way(2500), Shared::new(), HandClock::default());
+    shared.set_joints([doing(ServoAction::Hold), None, None, None]);
+    visit(&fake, &shared, &clock, 1);
+    let [s0, s1, t0, t1] = fake.registers.borrow()[46..50] else { unreachable!() };
+    // 2 rad/s of 4096 steps a turn, half the torque.
+    assert_eq!([[s0, s1], [t0, t1]].map(u16::from_le_bytes), [1303, 500]);
+}
+
+#[test]
+fn a_release_that_a_servo_has_not_taken_is_written_again() {
+    let (fake, shared, clock) = (under_way(2500), Shared::new(), HandClock::default());
+    fake.untaken.set(2);
+    shared.set_joints([doing(ServoAction::Release), None, None, None]);
+    visit(&fake, &shared, &clock, 5);
+    assert_eq!((fake.registers.borrow()[40], fake.writes.get()), (0, 3));
+}
+
+/// As the answer to another request would be, that has come late.
+#[test]
+fn an_answer_of_another_length_or_another_servo_is_none() {
+    for spoiled in [Packet::answer(1, 0, &[0, 8]), Packet::answer(2, 0, &[0, 8, 0, 0, 0, 0])] {
+        let (fake, shared, clock) = (under_way(2500), Shared::new(), HandClock::default());
+        let spoil = move |request: &Packet, bytes: &mut Vec<u8>| {
+            if request.parameters()[0] == PRESENT {
+                *bytes = spoiled.encode().to_vec();
+            }
+        };
+        *fake.spoil.borrow_mut() = Some(Box::new(spoil));
+        shared.set_joints([doing(ServoAction::Hold), None, None, None]);
+        assert_eq!(visit(&fake, &shared, &clock, 3).answered, None);
+        assert_eq!(fake.writes.get(), 0);
+    }
+}
