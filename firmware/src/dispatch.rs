@@ -168,6 +168,16 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
         self.profile
     }
 
+    /// Whether the board has verifiably never had a profile, and the limits that are built in are in force.
+    pub fn is_built_in(&self) -> bool {
+        core::ptr::eq(self.profile, &BUILT_IN)
+    }
+
+    /// Whether there was a profile of which no record is left: see [`Store::is_profile_lost`].
+    pub fn is_profile_lost(&self) -> bool {
+        self.store.as_ref().is_none_or(Store::is_profile_lost)
+    }
+
     /// Whether the records of the store can be read.
     pub fn is_store_readable(&self) -> bool {
         self.store.as_ref().is_some_and(Store::is_readable)

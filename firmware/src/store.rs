@@ -12,10 +12,16 @@
 //! An upload fills the slot that is not valid. Writing the record that names it is the commit: before, the old image
 //! is there, after it the new one, and the records survive a power cut at any byte. The record carries length, digest
 //! and model of the image, so a slot is believed only when its bytes agree. These records and the calibration are written
-//! twice: one that is damaged reads as none, and would leave the board with no offsets or the limits that are built in.
+//! twice: one that is damaged reads as none, and would leave the board with no offsets or no profile.
 //!
-//! Records that cannot be read (a failed part, or what another program has left) are erased by the next upload. Until
+//! Records that cannot be read (a failed part, or what another program has left) are erased by the next upload of a profile. Until
 //! then there is no table and no profile; what is erased with them is the calibration.
+//!
+//! A board has never had a profile where its records are readable and name none, and both slots of profiles are blank: every
+//! byte is 0xff. Everything else that is not a valid profile is a [lost](Store::is_profile_lost) one. The slots are the marker
+//! apart from the records: the first upload fills one, and from then on one of them is never blank, also while the other is
+//! erased, since an upload takes a slot that is not blank only where the other one is not blank either. Earlier firmware filled
+//! them in the same way, so that nothing has to be brought over.
 //!
 //! None of these futures may be dropped half-way: never put one into a `select!`.
 mod doubled;
@@ -53,6 +59,8 @@ pub struct Store<F: NorFlash> {
     upload: Option<Upload>,
     /// The records could not be read: a new upload erases them.
     unreadable: bool,
+    /// There was a profile, or may have been one, and none is valid.
+    is_profile_lost: bool,
 }
 
 impl<F: NorFlash> Store<F> {
@@ -62,14 +70,26 @@ impl<F: NorFlash> Store<F> {
         const { assert!(SLOT_BYTES.is_multiple_of(F::ERASE_SIZE) && F::ERASE_SIZE.is_multiple_of(BLOCK)) };
         const { assert!(PROFILE_BYTES.is_multiple_of(F::ERASE_SIZE) || F::ERASE_SIZE.is_multiple_of(PROFILE_BYTES)) };
         let records = MapStorage::new(flash, const { MapConfig::new(RECORDS) }, Cache::new_uncached());
-        let mut store = Self { records, table: None, profile: None, upload: None, unreadable: false };
+        let (unreadable, is_profile_lost) = (false, false);
+        let mut store = Self { records, table: None, profile: None, upload: None, unreadable, is_profile_lost };
         for kind in [ImageKind::Table, ImageKind::Profile] {
             match store.repair::<Valid>(valid_key(kind)).await {
                 Ok(valid) => *store.valid_mut(kind) = valid,
                 Err(StorageError) => store.unreadable = true,
             }
         }
+        store.is_profile_lost = store.profile.is_none() && (store.unreadable || !store.has_blank_profiles().await);
         store
+    }
+
+    /// Whether the board has, or may have, had a profile of which no valid record is left. Only a board that has
+    /// verifiably never had one may have the limits that are built in.
+    pub fn is_profile_lost(&self) -> bool {
+        self.is_profile_lost
+    }
+
+    async fn has_blank_profiles(&mut self) -> bool {
+        self.is_blank(Slot::A, ImageKind::Profile).await && self.is_blank(Slot::B, ImageKind::Profile).await
     }
 
     /// Whether the records can be read. If not, a new upload erases them, and the profile with them.
@@ -168,6 +188,7 @@ impl<F: NorFlash> Store<F> {
         let stored = self.put_doubled(valid_key(kind), Valid { slot: upload.slot, image: upload.image }).await;
         // After an error only the flash knows whether the record is valid.
         *self.valid_mut(kind) = self.fetch_doubled(valid_key(kind)).await?;
+        self.is_profile_lost &= self.profile.is_none();
         stored?;
         Ok(())
     }

@@ -168,8 +168,10 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
     /// Which profile is in force, and what of the store is not.
     async fn say_stored<W: Write>(&mut self, out: &mut W) -> Result<(), W::Error> {
         let profile = self.profile().digest;
-        if profile == Digest::default() {
+        if self.is_built_in() {
             say(out, format_args!("no profile is stored: the limits are those built in, servos are off")).await?;
+        } else if profile == Digest::default() {
+            say(out, format_args!("no profile is in force: nothing is driven until it is written again")).await?;
         } else {
             say(out, format_args!("profile {}", profile.short())).await?;
         }
@@ -178,6 +180,8 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
         }
         if self.has_store() && !self.is_store_readable() {
             say(out, format_args!("the records of the store cannot be read; writing the profile erases them")).await?;
+        } else if self.is_profile_lost() {
+            say(out, format_args!("the profile is lost: the record that names it cannot be read")).await?;
         }
         Ok(())
     }

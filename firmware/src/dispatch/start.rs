@@ -12,7 +12,8 @@ use crate::store::Store;
 
 impl<'t, F: NorFlash, C: Clock> Dispatcher<'_, 't, F, C> {
     /// Opens the store, puts the stored profile in force, loads the valid table and hands it to the control tick, which
-    /// must be running. Without a profile the one that is built in is in force; with one that cannot be read nothing is driven.
+    /// must be running. On a board that has verifiably never had a profile the one that is built in is in force; with one that
+    /// is lost or cannot be read, and without a flash to read it from, nothing is driven.
     pub async fn open(&mut self, flash: Option<F>, table: &'t mut Table, profile: &'t mut Profile) {
         if let Some(flash) = flash {
             let mut store = Store::open(flash).await;
@@ -23,13 +24,15 @@ impl<'t, F: NorFlash, C: Clock> Dispatcher<'_, 't, F, C> {
                     // Written by the firmware of another board.
                     Err(error) => self.drive_nothing(profile, Refusal::Profile(error)),
                 },
-                // The built-in limits are for a board without a stored profile, not for one whose profile is damaged.
-                Ok(false) if store.is_readable() => {}
+                // The built-in limits are for a board that never had a profile, not for one whose profile is damaged or lost.
+                Ok(false) if !store.is_profile_lost() => {}
                 Ok(false) => self.drive_nothing(profile, Refusal::Storage),
                 Err(error) => self.drive_nothing(profile, error.into()),
             }
             self.calibration = store.calibration().await.map_err(|_| Refusal::NoCalibration);
             self.store = Some(store);
+        } else {
+            self.drive_nothing(profile, Refusal::Storage);
         }
         self.shared.ask(Order::Configure(self.profile)).await;
         if !self.apply_calibration().await {

@@ -12,13 +12,13 @@ use crate::clock::Clock;
 impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
     pub(super) async fn begin(&mut self, image: Image) -> Result<Answer, Refusal> {
         self.require_idle().await?;
-        if !self.store()?.is_readable() {
-            // A new upload erases the records, and the profile with them.
-            match image.kind {
-                ImageKind::Profile if self.snapshot().await?.button => {}
-                ImageKind::Profile => return Err(Refusal::NobodyPresent),
-                ImageKind::Table => return Err(Refusal::Storage),
-            }
+        match image.kind {
+            // An upload wears the flash, erases records that cannot be read, and leaves a board that never had a profile with a
+            // lost one where it ends early. The upload that is under way goes on without the button, up to its commit.
+            ImageKind::Profile if self.store()?.is_begun(image) || self.snapshot().await?.button => {}
+            ImageKind::Profile => return Err(Refusal::NobodyPresent),
+            ImageKind::Table if self.store()?.is_profile_lost() => return Err(Refusal::Storage),
+            ImageKind::Table => {}
         }
         let next = self.store()?.begin(image).await?;
         Ok(Answer::Upload { next })

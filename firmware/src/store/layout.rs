@@ -47,7 +47,7 @@ pub const fn slot_bytes(kind: ImageKind) -> usize {
 }
 
 /// From the start of slot A to that of slot B.
-const fn slot_pitch(kind: ImageKind, erase_bytes: usize) -> usize {
+pub(super) const fn slot_pitch(kind: ImageKind, erase_bytes: usize) -> usize {
     let bytes = slot_bytes(kind);
     if bytes < erase_bytes { erase_bytes } else { bytes }
 }

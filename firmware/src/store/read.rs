@@ -11,7 +11,7 @@ use serde::Deserialize;
 use sha2::{Digest as _, Sha256};
 
 use super::error::LoadError;
-use super::layout::Slot;
+use super::layout::{Slot, slot_pitch};
 use super::{Store, Valid};
 
 /// Bytes of the image in memory while it is checked: what one record can need, and a read of a useful size.
@@ -106,6 +106,18 @@ impl<F: NorFlash> Store<F> {
             yield_now().await;
         }
         Ok(())
+    }
+
+    /// Whether every byte of a slot, to the end of its pages, can be read and is erased.
+    pub(super) async fn is_blank(&mut self, slot: Slot, kind: ImageKind) -> bool {
+        let mut window = [0; WINDOW];
+        for offset in (0..slot_pitch(kind, F::ERASE_SIZE) as u32).step_by(WINDOW) {
+            if self.read(slot, kind, offset, &mut window).await.is_err() || window.iter().any(|byte| *byte != 0xff) {
+                return false;
+            }
+            yield_now().await;
+        }
+        true
     }
 
     async fn read(&mut self, slot: Slot, kind: ImageKind, offset: u32, bytes: &mut [u8]) -> Result<(), LoadError> {

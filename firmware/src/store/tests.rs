@@ -164,7 +164,7 @@ fn an_empty_flash_holds_nothing() {
     assert_eq!(now(store.count_boot()), Ok(1));
 }
 
-/// A record that is lost would read as one that was never written: no calibration, the limits that are built in.
+/// A record that is lost would read as one that was never written: no calibration, no profile.
 #[test]
 fn no_damaged_byte_makes_a_record_absent() {
     let whole = with_table(1);
@@ -218,4 +218,120 @@ fn a_cut_after_every_word_leaves_the_old_or_the_new_profile() {
         }
     }
     assert!(outcomes[0] > 10 && outcomes[1] > 0, "{outcomes:?}");
+}
+
+/// What a start puts in force.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum InForce {
+    BuiltIn,
+    Nothing,
+    /// The profile whose supply feeds so many coils.
+    Stored(u8),
+}
+
+/// What [`Dispatcher::open`](crate::dispatch::Dispatcher::open) decides by.
+fn in_force(cells: &Cells) -> InForce {
+    let (mut store, mut found) = (open(cells, ENDLESS), Profile::empty());
+    match now(store.load_valid_profile(&mut found)) {
+        Ok(true) => InForce::Stored(found.supply.new_coils),
+        Ok(false) if !store.is_profile_lost() => InForce::BuiltIn,
+        Ok(false) | Err(_) => InForce::Nothing,
+    }
+}
+
+/// A flash whose profiles 1 to `uploads` were written, the records then treated so.
+fn worn(uploads: u8, harm: impl FnOnce(&Cells)) -> Cells {
+    let cells = with_table(1);
+    (1..=uploads).for_each(|new_coils| assert!(upload_profile(&mut open(&cells, ENDLESS), new_coils)));
+    harm(&cells);
+    cells
+}
+
+fn spoil_profile_records(cells: &Cells, uploads: u8) {
+    let other = Profile { supply: SwitchLimit { new_coils: uploads, window_ms: 10 }, ..profile() };
+    cells.spoil_copies(&profile_image(&other).0.digest.0);
+}
+
+/// A start counts itself and the host writes a profile, with power for so many words, in steps; the power then fails again within the next
+/// start's repair and upload. No start finds the limits that are built in.
+#[test]
+fn no_power_cut_puts_built_in_limits_in_force_on_a_board_that_had_a_profile() {
+    let histories = [
+        ("one profile", worn(1, |_| ())),
+        ("two profiles", worn(2, |_| ())),
+        ("unreadable after one", worn(1, Cells::spoil_records)),
+        ("unreadable after two", worn(2, Cells::spoil_records)),
+        ("both copies damaged after one", worn(1, |cells| spoil_profile_records(cells, 1))),
+        ("both copies damaged after two", worn(2, |cells| spoil_profile_records(cells, 2))),
+    ];
+    for (history, old) in histories {
+        let before = in_force(&old);
+        assert_ne!(before, InForce::BuiltIn, "{history}");
+        // The erase of unreadable records is 2048 words of one kind.
+        let step = if history.starts_with("unreadable") { 37 } else { 3 };
+        let (mut n_cuts, mut done) = (0, false);
+        while !done {
+            n_cuts += step;
+            let cells = old.copy();
+            let mut store = open(&cells, n_cuts);
+            // Where the records cannot be read a start cannot count itself either.
+            let _ = now(store.count_boot());
+            done = upload_profile(&mut store, 9);
+            let found = in_force(&cells);
+            let allowed = [before, InForce::Stored(9)];
+            assert!(
+                if done { found == allowed[1] } else { allowed.contains(&found) },
+                "{history}, {n_cuts}: {found:?}"
+            );
+            let again = 1 + n_cuts.wrapping_mul(2_654_435_761) % n_cuts.max(2);
+            let confirmed = upload_profile(&mut open(&cells, again), 8);
+            let found = in_force(&cells);
+            assert!(found != InForce::BuiltIn && (!confirmed || found == InForce::Stored(8)), "{history}: {found:?}");
+        }
+        assert!(n_cuts > 30, "{history}: {n_cuts}");
+    }
+}
+
+#[test]
+fn a_first_profile_that_a_power_cut_interrupts_leaves_never_written_lost_or_stored() {
+    let mut found = Vec::new();
+    for words in 1.. {
+        let cells = with_table(1);
+        let confirmed = upload_profile(&mut open(&cells, words), 2);
+        found.push(in_force(&cells));
+        if confirmed {
+            break;
+        }
+    }
+    assert!(found.is_sorted_by_key(|state| match state {
+        InForce::BuiltIn => 0,
+        InForce::Nothing => 1,
+        InForce::Stored(_) => 2,
+    }));
+    assert_eq!((found[0], found.last()), (InForce::BuiltIn, Some(&InForce::Stored(2))));
+}
+
+/// Starts, tables, a calibration, and records that a power cut has torn say nothing of a profile.
+#[test]
+fn a_board_that_never_had_a_profile_has_the_limits_that_are_built_in() {
+    assert_eq!(in_force(&Cells::erased()), InForce::BuiltIn);
+    let whole = with_table(1);
+    assert_eq!(in_force(&whole), InForce::BuiltIn);
+    for words in 1..40 {
+        let cells = whole.copy();
+        let _ = now(open(&cells, words).count_boot());
+        assert_eq!(in_force(&cells), InForce::BuiltIn, "{words}");
+    }
+    whole.spoil_records();
+    assert_eq!(in_force(&whole), InForce::Nothing, "a profile may have been among what cannot be read");
+}
+
+/// The store has its records for at most one flipped bit in each copy, wherever the profile's image is.
+#[test]
+fn no_flipped_bit_in_the_slots_of_profiles_makes_a_board_new() {
+    let old = worn(1, |cells| spoil_profile_records(cells, 1));
+    for at in 2 * SLOT_BYTES + RECORDS_BYTES..FLASH_BYTES {
+        let Some(cells) = old.flipped(at) else { continue };
+        assert_eq!(in_force(&cells), InForce::Nothing, "byte {at}");
+    }
 }

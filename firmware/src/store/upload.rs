@@ -3,7 +3,7 @@
 //! A complete block that comes ahead of the one that is wanted is written to its place at once, so that a lost chunk costs
 //! its sender one chunk and not all that were under way behind it.
 
-use darm_core::wire::message::Image;
+use darm_core::wire::message::{Image, ImageKind};
 use embedded_storage_async::nor_flash::NorFlash;
 
 use super::Store;
@@ -100,7 +100,12 @@ impl<F: NorFlash> Store<F> {
             Some(upload) if upload.image == image => Ok(upload.next),
             _ => {
                 self.erase_unreadable().await?;
-                let slot = self.valid(image.kind).map_or(Slot::A, |valid| valid.slot.other());
+                let slot = match self.valid(image.kind) {
+                    Some(valid) => valid.slot.other(),
+                    // The slot that is not erased keeps saying that the board has had a profile.
+                    None if image.kind == ImageKind::Profile && !self.is_blank(Slot::A, image.kind).await => Slot::B,
+                    None => Slot::A,
+                };
                 self.upload = Some(Upload::new(image, slot));
                 Ok(0)
             }
@@ -155,6 +160,11 @@ impl<F: NorFlash> Store<F> {
         }
         upload.skip_written();
         Ok(())
+    }
+
+    /// Whether the upload of this image is under way.
+    pub fn is_begun(&self, image: Image) -> bool {
+        self.upload.is_some_and(|upload| upload.image == image)
     }
 
     /// True when every byte of this image has arrived.

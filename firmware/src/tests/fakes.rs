@@ -190,6 +190,15 @@ impl Cells {
         cells[at + 3] ^= 1;
     }
 
+    /// Damages one bit of all copies of these bytes.
+    pub(crate) fn spoil_copies(&self, bytes: &[u8]) {
+        let mut cells = self.0.borrow_mut();
+        let places: Vec<usize> =
+            cells.windows(bytes.len()).enumerate().filter(|(_, window)| *window == bytes).map(|(at, _)| at).collect();
+        assert_eq!(places.len(), 2, "two copies are stored");
+        places.into_iter().for_each(|at| cells[at + 3] ^= 1);
+    }
+
     /// A copy with one bit of a byte flipped, where something is written.
     pub(crate) fn flipped(&self, at: usize) -> Option<Self> {
         let copy = self.copy();

@@ -151,3 +151,37 @@ fn hello_says_what_the_board_can_do() {
     bench.connect();
     assert_eq!(hello(&bench).caps, super::caps());
 }
+
+/// Outputs that the profile in force has.
+fn outputs(bench: &Bench) -> usize {
+    bench.dispatcher.borrow_mut().as_mut().unwrap().profile().outputs.iter().flatten().count()
+}
+
+/// docs/safety.md: "write the profile again, holding the button, which erases the records; …; until then nothing is driven".
+/// The limits that are built in know nothing of this board's latches and of its emergency stop.
+#[test]
+fn a_reset_while_a_profile_is_written_over_unreadable_records_puts_no_built_in_limits_in_force() {
+    let cells = Cells::with_profile();
+    cells.spoil_records();
+    let bench = Bench::new(cells);
+    bench.connect();
+    assert_eq!(outputs(&bench), 0);
+    bench.button.set(true);
+    bench.pass_ms(1);
+    let (image, _) = profile_image(&profile());
+    assert_eq!(bench.ask(Request::Begin(image)), Ok(Answer::Upload { next: 0 }));
+    // The power fails, or anybody asks for a reboot, before the upload is committed.
+    let again = Bench::new(bench.cells);
+    again.connect();
+    assert_eq!(outputs(&again), 0, "the limits that are built in are in force");
+}
+
+/// A board whose profile is damaged is no board without a profile.
+#[test]
+fn both_copies_of_the_record_of_a_profile_are_damaged_and_nothing_is_driven() {
+    let cells = Cells::with_profile();
+    cells.spoil_copies(&profile_image(&profile()).0.digest.0);
+    let bench = Bench::new(cells);
+    bench.connect();
+    assert_eq!(outputs(&bench), 0, "the limits that are built in are in force");
+}
