@@ -27,6 +27,10 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
         if self.is_stopped() {
             return Err(Refusal::Command(CommandError::Stopped));
         }
+        // What is stored already wears no flash.
+        if self.calibration == Ok(Some(calibration)) {
+            return if self.apply_calibration().await { Ok(Answer::Done) } else { Err(Refusal::Busy) };
+        }
         self.store()?.set_calibration(calibration).await.map_err(|_| Refusal::Storage)?;
         self.calibration = Ok(Some(calibration));
         if self.apply_calibration().await { Ok(Answer::Done) } else { Err(Refusal::Busy) }

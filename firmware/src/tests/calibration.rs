@@ -76,3 +76,14 @@ fn a_calibration_that_waits_for_a_servo_to_hold_is_not_done_after_a_stop() {
     assert!(bench.clock.0.get() > begun_us + 150_000, "it has waited");
     assert_eq!(bench.ask(Request::Calibration), Ok(Answer::Calibration(None)));
 }
+
+#[test]
+fn offsets_that_are_stored_already_are_not_written_again() {
+    let bench = loaded();
+    assert_eq!(bench.ask(Request::Calibrate(half_a_radian())), Ok(Answer::Done));
+    let before = bench.cells.copy();
+    for _ in 0..10 {
+        assert_eq!(bench.ask(Request::Calibrate(half_a_radian())), Ok(Answer::Done));
+    }
+    assert!(bench.cells.is_equal(&before), "the flash was written");
+}

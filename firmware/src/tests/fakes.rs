@@ -199,6 +199,11 @@ impl Cells {
         places.into_iter().for_each(|at| cells[at + 3] ^= 1);
     }
 
+    /// Whether the same bytes are in both.
+    pub(crate) fn is_equal(&self, other: &Self) -> bool {
+        *self.0.borrow() == *other.0.borrow()
+    }
+
     /// A copy with one bit of a byte flipped, where something is written.
     pub(crate) fn flipped(&self, at: usize) -> Option<Self> {
         let copy = self.copy();
