@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use std::future::Future;
 use std::pin::Pin as Pinned;
 use std::rc::Rc;
-use std::task::{Context, Waker};
+use std::task::{Context, Poll, Waker};
 
 use darm_core::duty::DutyMeters;
 use darm_core::units::Micros;
@@ -43,6 +43,8 @@ pub enum Physical {
     },
     /// The firmware starts again: all pins are released, the registers of the chain stay as they are.
     Reset,
+    /// The firmware enters the chip's loader; it starts again, for there is none here.
+    Loader,
     /// The power goes off or comes back; what the registers of the chain hold then is undefined.
     Power(bool),
 }
@@ -163,6 +165,16 @@ impl Bench {
         self.wires.button.set(pressed);
     }
 
+    /// Limit switches as the board's pins show them: bit `i` is input `i`, set when closed.
+    pub fn inputs(&self) -> u32 {
+        self.wires.switches.get()
+    }
+
+    /// Whether the contact of the user button is closed.
+    pub fn is_button_held(&self) -> bool {
+        self.button
+    }
+
     /// Bytes from the host.
     pub fn send(&mut self, bytes: &[u8]) {
         self.to_board.extend(bytes);
@@ -248,32 +260,35 @@ impl Bench {
             self.to_board.clear();
         } else if self.flash.has_failed() {
             self.power_off();
-        } else if ended {
+        } else if let Some(into) = ended {
             // There is no chip's loader here: the firmware starts either way.
+            if into == RebootTarget::Loader {
+                self.happened.push(Physical::Loader);
+            }
             let answers = std::mem::take(&mut self.to_host);
             self.reset();
             self.to_host = answers;
         }
     }
 
-    /// True when the firmware asks for a restart.
-    fn poll(&mut self) -> bool {
-        let Some(firmware) = &mut self.firmware else { return false };
+    /// What the firmware asks to be restarted into.
+    fn poll(&mut self) -> Option<RebootTarget> {
+        let firmware = self.firmware.as_mut()?;
         if self.paused >= TICK {
             self.paused = Micros(self.paused.0 - TICK.0);
-            return false;
+            return None;
         }
         let mut context = Context::from_waker(Waker::noop());
         for _ in 0..self.polls {
-            if firmware.as_mut().poll(&mut context).is_ready() {
-                return true;
+            if let Poll::Ready(into) = firmware.as_mut().poll(&mut context) {
+                return Some(into);
             }
             self.paused = self.paused + self.flash.take_pause();
             if self.paused >= TICK {
                 break;
             }
         }
-        false
+        None
     }
 
     fn drive_plant(&mut self) {

@@ -8,7 +8,7 @@ use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use darm_core::units::Micros;
-use darm_firmware::store::{Store, flash_bytes};
+use darm_firmware::store::{SLOT_BYTES, Store, flash_bytes};
 use embassy_futures::{block_on, yield_now};
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
 
@@ -18,6 +18,9 @@ use super::chip::Chip;
 
 /// Bytes at which the power can fail.
 const WORD: usize = 8;
+
+/// Bytes of the records, behind the two slots of tables.
+const RECORDS_BYTES: usize = 16 * 1024;
 
 /// The bytes of a board's flash. Clones share them, as two starts of one board do.
 #[derive(Clone, Debug)]
@@ -225,6 +228,28 @@ impl MemoryFlash {
     /// The power holds from now on.
     pub fn restore(&self) {
         self.cells().words_left = None;
+    }
+
+    /// Damages one bit of each copy of these bytes among the records, behind the two slots of tables; how many there were.
+    pub fn damage_records(&self, bytes: &[u8]) -> usize {
+        let records = 2 * SLOT_BYTES..2 * SLOT_BYTES + RECORDS_BYTES;
+        self.damage(records, bytes)
+    }
+
+    /// The same of the images of profiles, behind the records.
+    pub fn damage_profiles(&self, bytes: &[u8]) -> usize {
+        let end = self.cells().bytes.len();
+        self.damage(2 * SLOT_BYTES + RECORDS_BYTES..end, bytes)
+    }
+
+    fn damage(&self, range: Range<usize>, bytes: &[u8]) -> usize {
+        let mut cells = self.cells();
+        let copies = cells.bytes[range.clone()].windows(bytes.len()).enumerate();
+        let places: Vec<usize> = copies.filter(|(_, copy)| *copy == bytes).map(|(at, _)| range.start + at).collect();
+        for at in &places {
+            cells.bytes[at + bytes.len() / 2] ^= 1;
+        }
+        places.len()
     }
 
     /// Writes to words that were not erased, which the part refuses.

@@ -20,7 +20,7 @@ use darm_core::units::Word;
 
 use actuator::Actuator;
 use coil::Coil;
-use servo_bus::ServoBus;
+use servo_bus::{ServoBus, ServoFaults, ServoState};
 
 /// An actuator reaches its stop within this share of the longest travel that the board waits for.
 const TRAVEL_SHARE: f64 = 0.25;
@@ -51,6 +51,8 @@ pub struct Broken {
     pub servos_silent: u8,
     /// Servos that cannot turn.
     pub servos_blocked: u8,
+    /// Further faults of the servos; a servo is silent or blocked where either field says so.
+    pub servos: ServoFaults,
 }
 
 impl Broken {
@@ -125,8 +127,25 @@ impl Plant {
     pub fn set_broken(&mut self, now_s: f64, broken: Broken) {
         self.advance(now_s);
         self.broken = broken;
-        self.bus.set_broken(broken.servos_silent, broken.servos_blocked);
+        let ServoFaults { silent, blocked, .. } = broken.servos;
+        let (silent, blocked) = (silent | broken.servos_silent, blocked | broken.servos_blocked);
+        self.bus.set_broken(ServoFaults { silent, blocked, ..broken.servos });
         self.drive();
+    }
+
+    /// Puts a servo on the bus that the wiring does not have.
+    pub fn add_servo(&mut self, id: u8) {
+        self.bus.add(id);
+    }
+
+    /// Lets loads bend the servos: where each rests beside its goal, steps.
+    pub fn bend_servos(&mut self, steps: &[f32]) {
+        self.bus.bend(steps);
+    }
+
+    /// What each servo of the bus does, apart from what it reports.
+    pub fn servos(&self) -> impl Iterator<Item = ServoState> + '_ {
+        self.bus.states()
     }
 
     /// What is broken.

@@ -7,6 +7,7 @@
 //!
 //! `len` counts what follows it, `check` is the inverted sum of all bytes after `FF FF`. Two-byte registers are little
 //! endian. Position 2048 of 4096 steps a turn is servo angle 0. A servo turns at constant speed; its inertia is left out.
+//! One that bears a load rests a little beside its goal, by its bend.
 //! Source: Feetech, "Communication Protocol Manual" and the memory table of the STS3215.
 
 use darm_core::output::SERVO_STEPS_PER_TURN;
@@ -51,6 +52,65 @@ const FREE_LOAD: u16 = 60;
 /// In the load register this bit is the sign.
 const LOAD_SIGN: u16 = 1 << 10;
 
+/// Status bit of a servo that bears more than it can.
+const OVERLOADED: u8 = 1 << 5;
+/// Of so many answers of a servo with a bad contact one is damaged.
+const DAMAGED_IN: u64 = 3;
+
+/// Servos with faults: bit `i` is servo joint `i`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ServoFaults {
+    /// They hear nothing and answer nothing.
+    pub silent: u8,
+    /// They cannot turn.
+    pub blocked: u8,
+    /// They do what they are sent, and none of their answers arrives.
+    pub mute: u8,
+    /// They answer what they are asked, and nothing that is written to them arrives.
+    pub deaf: u8,
+    /// They do what is written to them, and their answers to that do not arrive.
+    pub unconfirmed: u8,
+    /// Some of their answers arrive with two bits changed, and with a sum that is right.
+    pub damaged: u8,
+    /// They report an overload.
+    pub overloaded: u8,
+}
+
+impl ServoFaults {
+    /// Those of one servo, as masks of bit 0.
+    fn of(&self, index: usize) -> Self {
+        let bit = |mask: u8| mask.checked_shr(index as u32).unwrap_or(0) & 1;
+        Self {
+            silent: bit(self.silent),
+            blocked: bit(self.blocked),
+            mute: bit(self.mute),
+            deaf: bit(self.deaf),
+            unconfirmed: bit(self.unconfirmed),
+            damaged: bit(self.damaged),
+            overloaded: bit(self.overloaded),
+        }
+    }
+}
+
+/// What one servo does, apart from all that it reports.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ServoState {
+    /// Address.
+    pub id: u8,
+    /// Where the shaft is, steps: 2048 at angle 0.
+    pub step: f32,
+    /// Whether it has torque.
+    pub has_torque: bool,
+    /// The goal in force, steps.
+    pub goal_step: u16,
+    /// The torque limit in force, thousandths of its own torque.
+    pub torque_limit: u16,
+    /// Answers to questions that it has sent, each with its position or not.
+    pub answers: u32,
+    /// Its shaft cannot turn.
+    pub is_blocked: bool,
+}
+
 /// One servo.
 #[derive(Clone, Debug)]
 struct Servo {
@@ -58,8 +118,10 @@ struct Servo {
     /// Joint angle = servo angle − offset.
     offset_rad: f32,
     position: f32,
-    blocked: bool,
-    silent: bool,
+    /// Where it rests beside its goal, steps.
+    bend_steps: f32,
+    answers: u32,
+    faults: ServoFaults,
 }
 
 impl Servo {
@@ -69,7 +131,8 @@ impl Servo {
         registers[..6].copy_from_slice(&[3, 10, 0, 9, 3, id]);
         registers[register::VOLTAGE] = 74;
         registers[register::TEMPERATURE] = 30;
-        let mut servo = Self { registers, offset_rad, position, blocked: false, silent: false };
+        let (bend_steps, answers, faults) = (0.0, 0, ServoFaults::default());
+        let mut servo = Self { registers, offset_rad, position, bend_steps, answers, faults };
         servo.set(register::TORQUE_LIMIT, 1000);
         servo.set(register::GOAL_POSITION, position as u16);
         servo.show(0.0);
@@ -91,11 +154,27 @@ impl Servo {
     /// Steps to go; 0 without torque.
     fn away(&self) -> f32 {
         let torque = self.registers[register::TORQUE_ENABLE] == 1;
-        if torque { f32::from(self.get(register::GOAL_POSITION)) - self.position } else { 0.0 }
+        if torque { f32::from(self.get(register::GOAL_POSITION)) + self.bend_steps - self.position } else { 0.0 }
+    }
+
+    fn is_blocked(&self) -> bool {
+        self.faults.blocked != 0
     }
 
     fn is_moving(&self) -> bool {
-        self.away() != 0.0 && !self.blocked
+        self.away() != 0.0 && !self.is_blocked()
+    }
+
+    fn state(&self) -> ServoState {
+        ServoState {
+            id: self.id(),
+            step: self.position,
+            has_torque: self.registers[register::TORQUE_ENABLE] == 1,
+            goal_step: self.get(register::GOAL_POSITION),
+            torque_limit: self.get(register::TORQUE_LIMIT),
+            answers: self.answers,
+            is_blocked: self.is_blocked(),
+        }
     }
 
     fn advance(&mut self, span_s: f64) {
@@ -104,7 +183,7 @@ impl Servo {
             limit => f32::from(limit).min(TOP_SPEED),
         };
         let step = limit * span_s as f32;
-        let turned = if self.blocked { 0.0 } else { self.away().clamp(-step, step) };
+        let turned = if self.is_blocked() { 0.0 } else { self.away().clamp(-step, step) };
         self.position += turned;
         self.show(if self.is_moving() { limit.copysign(turned) } else { 0.0 });
     }
@@ -112,7 +191,7 @@ impl Servo {
     /// Brings the readable registers up to date.
     fn show(&mut self, speed: f32) {
         let away = self.away();
-        let load = match (away != 0.0, self.blocked) {
+        let load = match (away != 0.0, self.is_blocked()) {
             (false, _) => 0,
             (true, false) => FREE_LOAD,
             (true, true) => self.get(register::TORQUE_LIMIT).min(1000),
@@ -148,6 +227,8 @@ pub struct ServoBus {
     /// Bytes of a packet that is not complete.
     pending: Vec<u8>,
     now_s: f64,
+    /// Decides which answers are damaged, and where.
+    noise: u64,
 }
 
 impl ServoBus {
@@ -155,7 +236,7 @@ impl ServoBus {
     pub fn new(ids: impl Iterator<Item = u8>, offsets_rad: &[f32]) -> Self {
         let offsets = offsets_rad.iter().copied().chain(std::iter::repeat(0.0));
         let servos = ids.zip(offsets).map(|(id, offset_rad)| Servo::new(id, offset_rad)).collect();
-        Self { servos, pending: Vec::new(), now_s: 0.0 }
+        Self { servos, pending: Vec::new(), now_s: 0.0, noise: 0x9e37_79b9_7f4a_7c15 }
     }
 
     /// Lets the servos turn until `now_s`.
@@ -186,16 +267,33 @@ impl ServoBus {
         self.servos.iter().any(Servo::is_moving)
     }
 
-    /// Bit `i` of each mask breaks servo joint `i`.
-    pub fn set_broken(&mut self, silent: u8, blocked: u8) {
+    /// What each servo does.
+    pub fn states(&self) -> impl Iterator<Item = ServoState> + '_ {
+        self.servos.iter().map(Servo::state)
+    }
+
+    /// Another servo on the bus, at its middle.
+    pub fn add(&mut self, id: u8) {
+        self.servos.push(Servo::new(id, 0.0));
+    }
+
+    /// Where each servo rests beside its goal, steps; 0 for those that are not listed.
+    pub fn bend(&mut self, steps: &[f32]) {
+        for (servo, steps) in self.servos.iter_mut().zip(steps) {
+            servo.bend_steps = *steps;
+        }
+    }
+
+    /// Breaks and repairs servos, from now on.
+    pub fn set_broken(&mut self, faults: ServoFaults) {
         for (index, servo) in self.servos.iter_mut().enumerate() {
-            servo.silent = silent >> index & 1 == 1;
-            servo.blocked = blocked >> index & 1 == 1;
+            servo.faults = faults.of(index);
+            servo.registers[register::STATUS] = if servo.faults.overloaded != 0 { OVERLOADED } else { 0 };
         }
     }
 
     fn servo(&mut self, id: u8) -> Option<&mut Servo> {
-        self.servos.iter_mut().find(|servo| servo.id() == id && !servo.silent)
+        self.servos.iter_mut().find(|servo| servo.id() == id && servo.faults.silent == 0)
     }
 
     fn execute(&mut self, packet: &Packet, answers: &mut Vec<u8>) {
@@ -203,11 +301,15 @@ impl ServoBus {
             (instruction::PING, []) => self.answer(packet.id, answers, |_| Some(&[])),
             (instruction::READ, &[at, count]) => self.answer(packet.id, answers, |servo| servo.read(at, count)),
             (instruction::WRITE, [at, bytes @ ..]) if packet.id == BROADCAST => {
-                self.servos.iter_mut().for_each(|servo| servo.write(*at, bytes));
+                let hearing = |servo: &&mut Servo| servo.faults.silent | servo.faults.deaf == 0;
+                self.servos.iter_mut().filter(hearing).for_each(|servo| servo.write(*at, bytes));
             }
             (instruction::WRITE, [at, bytes @ ..]) => self.answer(packet.id, answers, |servo| {
+                if servo.faults.deaf != 0 {
+                    return None;
+                }
                 servo.write(*at, bytes);
-                Some(&[])
+                (servo.faults.unconfirmed == 0).then_some(&[])
             }),
             (instruction::SYNC_READ, [at, count, ids @ ..]) => {
                 for &id in ids {
@@ -216,7 +318,7 @@ impl ServoBus {
             }
             (instruction::SYNC_WRITE, [at, count, rest @ ..]) => {
                 for part in rest.chunks_exact(1 + usize::from(*count)) {
-                    if let Some(servo) = self.servo(part[0]) {
+                    if let Some(servo) = self.servo(part[0]).filter(|servo| servo.faults.deaf == 0) {
                         servo.write(*at, &part[1..]);
                     }
                 }
@@ -228,12 +330,42 @@ impl ServoBus {
 
     /// Lets the servo of this address do something and answer.
     fn answer(&mut self, id: u8, answers: &mut Vec<u8>, act: impl FnOnce(&mut Servo) -> Option<&[u8]>) {
+        let mut noise = self.noise;
         let Some(servo) = self.servo(id) else {
             return;
         };
         let status = servo.registers[register::STATUS];
-        if let Some(bytes) = act(servo) {
-            answers.extend(packet(id, status, bytes));
+        let Some(mut bytes) = act(servo).map(<[u8]>::to_vec).filter(|_| servo.faults.mute == 0) else { return };
+        servo.answers = servo.answers.wrapping_add(1);
+        if servo.faults.damaged != 0 {
+            noise = scrambled(noise);
+            if (noise >> 32).is_multiple_of(DAMAGED_IN) {
+                damage(&mut bytes, noise);
+            }
+        }
+        answers.extend(packet(id, status, &bytes));
+        self.noise = noise;
+    }
+}
+
+/// The next number of xorshift64.
+fn scrambled(mut noise: u64) -> u64 {
+    noise ^= noise << 13;
+    noise ^= noise >> 7;
+    noise ^ noise << 17
+}
+
+/// Changes one bit of two bytes in opposite directions, where two differ in it: the sum of the packet stays.
+fn damage(bytes: &mut [u8], noise: u64) {
+    let count = bytes.len().max(1);
+    for turn in 0..8 * count {
+        let at = (noise as usize >> 3).wrapping_add(turn);
+        let (first, bit) = (at / 8 % count, 1 << (at % 8));
+        let second = (first + 1..count).find(|second| (bytes[first] ^ bytes[*second]) & bit != 0);
+        if let Some(second) = second {
+            bytes[first] ^= bit;
+            bytes[second] ^= bit;
+            return;
         }
     }
 }
@@ -282,7 +414,7 @@ fn check(body: &[u8]) -> u8 {
 
 #[cfg(test)]
 mod tests {
-    use super::{ServoBus, instruction, packet};
+    use super::{ServoBus, ServoFaults, instruction, packet};
 
     fn bus() -> ServoBus {
         ServoBus::new([1, 2].into_iter(), &[])
@@ -337,7 +469,7 @@ mod tests {
     fn a_blocked_servo_bears_its_torque_and_a_silent_one_is_silent() {
         let mut bus = bus();
         quarter_turn(&mut bus);
-        bus.set_broken(0b10, 0b01);
+        bus.set_broken(ServoFaults { silent: 0b10, blocked: 0b01, ..ServoFaults::default() });
         bus.advance(1.0);
         assert_eq!(bus.angles_rad()[0], 0.0);
         assert_eq!(bus.receive(1.0, &packet(1, instruction::READ, &[60, 2]))[5..7], 1000u16.to_le_bytes());
@@ -350,5 +482,53 @@ mod tests {
         bus.receive(0.0, &packet(1, instruction::WRITE, &[42, 0, 12]));
         bus.advance(1.0);
         assert!(!bus.is_moving() && bus.angles_rad()[0] == 0.0);
+    }
+
+    fn broken(faults: ServoFaults) -> ServoBus {
+        let mut bus = bus();
+        bus.set_broken(faults);
+        bus
+    }
+
+    #[test]
+    fn a_mute_servo_turns_a_deaf_one_answers_and_an_unconfirmed_write_acts() {
+        let mut mute = broken(ServoFaults { mute: 1, ..ServoFaults::default() });
+        quarter_turn(&mut mute);
+        assert!(mute.is_moving() && mute.states().next().is_some_and(|state| state.answers == 0));
+        let mut deaf = broken(ServoFaults { deaf: 1, ..ServoFaults::default() });
+        quarter_turn(&mut deaf);
+        assert!(!deaf.is_moving());
+        assert!(!deaf.receive(0.0, &packet(1, instruction::READ, &[56, 2])).is_empty());
+        let mut unconfirmed = broken(ServoFaults { unconfirmed: 1, ..ServoFaults::default() });
+        assert!(unconfirmed.receive(0.0, &packet(1, instruction::WRITE, &[40, 1])).is_empty());
+        assert!(unconfirmed.states().next().is_some_and(|state| state.has_torque));
+    }
+
+    #[test]
+    fn a_damaged_answer_has_another_position_and_a_sum_that_is_right() {
+        let mut bus = broken(ServoFaults { damaged: 1, ..ServoFaults::default() });
+        let read = packet(1, instruction::READ, &[56, 6]);
+        let answers: Vec<Vec<u8>> = (0..60).map(|_| bus.receive(0.0, &read)).collect();
+        assert!(answers.iter().all(|answer| answer[5 + 6] == super::check(&answer[2..5 + 6])));
+        let other = answers.iter().filter(|answer| answer[5..7] != [0, 8]).count();
+        assert!((5..40).contains(&other), "{other} of 60");
+    }
+
+    #[test]
+    fn a_load_bends_a_servo_that_has_torque() {
+        let mut bus = bus();
+        bus.bend(&[-4.0]);
+        bus.advance(0.1);
+        assert_eq!(bus.states().next().map(|state| state.step), Some(2048.0));
+        quarter_turn(&mut bus);
+        bus.advance(2.0);
+        assert_eq!(bus.states().next().map(|state| state.step), Some(2048.0 + 1024.0 - 4.0));
+    }
+
+    #[test]
+    fn an_overload_is_in_the_status_of_each_answer() {
+        let mut bus = broken(ServoFaults { overloaded: 0b10, ..ServoFaults::default() });
+        assert_eq!(bus.receive(0.0, &packet(2, instruction::PING, &[])), packet(2, 32, &[]));
+        assert_eq!(bus.receive(0.0, &packet(1, instruction::PING, &[])), packet(1, 0, &[]));
     }
 }
