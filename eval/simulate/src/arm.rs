@@ -5,7 +5,7 @@ use darm_arm::image::UploadImage;
 use darm_core::output::{
     ActuatorWiring, Coil, CoilLimit, Drive, LimitSwitch, MAX_COILS, ServoWiring, SwitchLimit, Wiring,
 };
-use darm_core::profile::{EmergencyStop, Profile};
+use darm_core::profile::{EmergencyStop, Fallback, Profile};
 use darm_core::table::{Board, Checker, Record, Row, head};
 use darm_core::units::{Digest, Micros, ModelHash, Word};
 use rand::RngExt as _;
@@ -13,7 +13,8 @@ use rand::seq::SliceRandom as _;
 use rand_chacha::ChaCha8Rng;
 
 use crate::judge::reports::KnownTable;
-use crate::judge::{Ceilings, LineCeiling, ServoCeiling};
+use crate::judge::servos::MAX_BEND_STEPS;
+use crate::judge::{Ceilings, LatchCeiling, LineCeiling, ServoCeiling, SwitchCeiling};
 
 /// Input of the emergency stop, which closes when it is pressed; no actuator's switch is there.
 pub const EMERGENCY_STOP: u8 = 12;
@@ -64,8 +65,14 @@ pub struct ServoPlan {
     pub range_rad: f32,
     /// Largest speed, rad/s.
     pub max_speed_rad_s: f32,
+    /// Largest torque, share of its own.
+    pub max_torque: f32,
     /// Time-out, ms.
     pub timeout_ms: u16,
+    /// It has no torque in the safe state and after a start.
+    pub is_released: bool,
+    /// Where it rests beside its goal, steps.
+    pub bend_steps: f32,
 }
 
 /// An arm.
@@ -102,11 +109,23 @@ impl ArmPlan {
         }
         for index in 0..rng.random_range(0..=2u8) {
             let (range_rad, max_speed_rad_s) = (rng.random_range(0.5..1.5), rng.random_range(1.0..3.0));
-            let timeout_ms = rng.random_range(100..300);
-            arm.servos.push(ServoPlan { id: 1 + 3 * index, range_rad, max_speed_rad_s, timeout_ms });
+            arm.servos.push(ServoPlan {
+                id: 1 + 3 * index,
+                range_rad,
+                max_speed_rad_s,
+                max_torque: 0.01 * f32::from(rng.random_range(20..=95u8)),
+                timeout_ms: rng.random_range(100..300),
+                is_released: rng.random_ratio(1, 3),
+                bend_steps: rng.random_range(-MAX_BEND_STEPS..=MAX_BEND_STEPS),
+            });
         }
         arm.new_loads = rng.random_range(2..=6);
-        arm.budget_ms = rng.random_range(10..40);
+        // A board keeps its supply over resets; only a window that is longer than a start shows that.
+        arm.budget_ms = match rng.random_range(0..8u8) {
+            0 => rng.random_range(1_000..=10_000),
+            1 => rng.random_range(40..1_000),
+            _ => rng.random_range(10..40),
+        };
         arm
     }
 
@@ -125,8 +144,26 @@ impl ArmPlan {
             }
         }
         let servos = self.servos.iter().map(servo_ceiling).collect();
-        let (new_loads, budget_ms) = (self.new_loads, self.budget_ms.into());
-        Ceilings { lines, servos, new_loads, budget_ms, refresh_ms: REFRESH_MS, clock_ppm }
+        let latches = self.coils.iter().filter_map(|coil| match coil.drive {
+            DrivePlan::Latch(set, reset, pulse_ms) => Some(LatchCeiling { set, reset, pulse_ms: pulse_ms.into() }),
+            DrivePlan::Hold(_) | DrivePlan::PeakHold(..) => None,
+        });
+        let (latches, new_loads, budget_ms) = (latches.collect(), self.new_loads, self.budget_ms.into());
+        Ceilings { lines, latches, servos, new_loads, budget_ms, refresh_ms: REFRESH_MS, clock_ppm }
+    }
+
+    /// The limit switches, for the judge.
+    pub fn switches(&self) -> Vec<SwitchCeiling> {
+        let mut coils = self.coils.iter().map(|coil| match coil.drive {
+            DrivePlan::Hold(line) | DrivePlan::PeakHold(_, line, _) => (line, None),
+            DrivePlan::Latch(set, reset, _) => (set, Some(reset)),
+        });
+        let own = |actuator: &ActuatorPlan| {
+            let own = coils.by_ref().take(if actuator.states > 2 { 2 } else { 1 }).collect();
+            let (input, closed_in) = actuator.switch?;
+            Some(SwitchCeiling { coils: own, input, closed_in, travel_ms: actuator.travel_ms.into() })
+        };
+        self.actuators.iter().filter_map(own).collect()
     }
 
     /// The same arm as the board's own wiring.
@@ -143,7 +180,11 @@ impl ArmPlan {
     /// The profile that a person has written to the board: it allows just this arm.
     pub fn profile(&self) -> BoardProfile {
         let emergency_stop = Some(EmergencyStop { input: EMERGENCY_STOP, opens: false });
-        BoardProfile::new("drawn", Profile { emergency_stop, ..Profile::of(&self.wiring()) })
+        let mut profile = Profile { emergency_stop, ..Profile::of(&self.wiring()) };
+        for (servo, plan) in profile.servos.iter_mut().zip(&self.servos) {
+            servo.fallback = if plan.is_released { Fallback::Release } else { Fallback::Hold };
+        }
+        BoardProfile::new("drawn", profile)
     }
 
     /// The same wiring with the actuators in the opposite order: a coil's index is not its output's number.
@@ -210,7 +251,9 @@ fn servo_ceiling(servo: &ServoPlan) -> ServoCeiling {
         min_step: 2048 - range,
         max_step: 2048 + range,
         max_steps_s: (servo.max_speed_rad_s * per_rad) as u16 + 1,
+        max_torque: (servo.max_torque * 1000.0) as u16 + 1,
         timeout_ms: servo.timeout_ms.into(),
+        is_released: servo.is_released,
     }
 }
 
@@ -230,8 +273,8 @@ fn wired_actuator(actuator: &ActuatorPlan) -> ActuatorWiring {
 }
 
 fn wired_servo(servo: &ServoPlan) -> ServoWiring {
-    let ServoPlan { id, range_rad, max_speed_rad_s, timeout_ms } = *servo;
-    ServoWiring { id, min_rad: -range_rad, max_rad: range_rad, max_speed_rad_s, max_torque: 0.8, timeout_ms }
+    let ServoPlan { id, range_rad, max_speed_rad_s, max_torque, timeout_ms, .. } = *servo;
+    ServoWiring { id, min_rad: -range_rad, max_rad: range_rad, max_speed_rad_s, max_torque, timeout_ms }
 }
 
 /// What a table that is drawn is for.
@@ -256,8 +299,8 @@ pub struct Table {
     pub model: u64,
     /// Words of the rows.
     pub words: Vec<String>,
-    /// Servo angles that it asks for, rad.
-    pub angles_rad: Vec<f32>,
+    /// Servo angles that it asks for, with the index of the servo, rad.
+    pub angles_rad: Vec<(u8, f32)>,
 }
 
 impl Table {
@@ -284,7 +327,7 @@ impl Table {
             image: UploadImage::table(records, ModelHash(model)),
             model,
             words: rows.clone().map(|row| row.word.to_string()).collect(),
-            angles_rad: rows.flat_map(|row| row.servos.iter().copied()).collect(),
+            angles_rad: rows.flat_map(|row| (0..).zip(row.servos.iter().copied())).collect(),
         }
     }
 

@@ -108,7 +108,11 @@ impl<'s> Host<'s> {
             HostAct::Servo(servo, _) if seed.is_multiple_of(2) => return self.turn_unseen(servo),
             HostAct::Servo(servo, mrad) => Command::Servo { servo, angle_rad: 1e-3 * mrad as f32 },
             HostAct::Upload(index) => return self.upload(index),
-            HostAct::Stop => return self.stop("stop", |client| client.command(Command::Stop)),
+            HostAct::Stop => {
+                self.stop("stop", |client| client.command(Command::Stop));
+                self.renew();
+                return;
+            }
             HostAct::BootstrapStop => {
                 self.stop("bootstrap stop", Client::stop_at_once);
                 return self.act_after_stop();
@@ -119,10 +123,11 @@ impl<'s> Host<'s> {
             HostAct::Calibrate(mrad) => return self.calibrate(1e-3 * mrad as f32),
             HostAct::Poll(count) => return self.poll(count),
             HostAct::Events => return self.events(),
+            HostAct::StopThen(form) => return self.stop_then(form, seed),
+            HostAct::TurnUnder(fault, mrad) => return self.turn_under(fault, 1e-3 * mrad as f32, seed),
+            HostAct::LateHello => return self.late_hello(seed),
+            HostAct::WriteProfile(is_attended) => return self.write_profile(is_attended),
         };
-        if let Command::Servo { angle_rad, .. } = command {
-            world::with(|world| world.servos.on_asked(angle_rad));
-        }
         self.command("command", command);
     }
 
@@ -150,6 +155,7 @@ impl<'s> Host<'s> {
                 world::with(|world| match timed.event {
                     Event::Fault(fault) => {
                         world.pins.on_fault_report(world.now_ns(), fault.at.0);
+                        world.judge_fault_at(&fault, started_ns);
                         judge_fault_in_program(world, &fault, started_ns);
                     }
                     Event::Row { row, word } => world.reports.on_row(world.now_ns(), row, &word.to_string()),

@@ -7,7 +7,7 @@ use darm_device::link::faulty::FaultCounts;
 use crate::host::{FirstUpload, Host};
 use crate::judge::Verdict;
 use crate::panics::caught;
-use crate::script::{MIN_MS, Script};
+use crate::script::Script;
 use crate::trace::Said;
 use crate::world::{self, World};
 
@@ -44,7 +44,7 @@ pub fn run(script: &Script, readable: bool) -> Outcome {
     let acted = caught(|| {
         host.run();
         let now_ms = world::with(|world| world.now_ns()) / 1_000_000;
-        world::pass(MIN_MS.saturating_sub(now_ms));
+        world::pass(script.min_ms.saturating_sub(now_ms));
         host.look_back();
     });
     if let Err(message) = acted {
@@ -53,9 +53,11 @@ pub fn run(script: &Script, readable: bool) -> Outcome {
     let Host { struck, first_upload, .. } = host;
     let world = world::leave().expect("it was entered above");
     let now_ns = world.now_ns();
-    let World { pins, servos, reports, injected, recoveries, trace, .. } = world;
+    let World { pins, servos, switches, person, reports, injected, recoveries, trace, .. } = world;
     let mut verdict = pins.finish(now_ns);
     verdict.extend(servos.finish());
+    verdict.extend(switches.finish());
+    verdict.extend(person.finish());
     verdict.extend(reports.finish());
     let (seed, loss_percent, digest) = (script.seed, script.loss_percent, trace.digest());
     let mut lines = trace.into_lines();

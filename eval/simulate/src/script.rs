@@ -47,6 +47,50 @@ pub enum HostAct {
     Calibrate(i32),
     /// Reads all events.
     Events,
+    /// Something runs, then it is stopped in this way, then every command of before comes again.
+    StopThen(StopForm),
+    /// A servo turns, and meanwhile this happens to it.
+    TurnUnder(TurnFault, i32),
+    /// Copies of what opened an earlier connection, and commands on it, while the board is at rest.
+    LateHello,
+    /// A person presses the button, or does not, and the profile is written again.
+    WriteProfile(bool),
+}
+
+/// In which way somebody stops the arm.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StopForm {
+    /// A line of text.
+    Typed,
+    /// The request that never changes.
+    Bootstrap,
+    /// The versioned request.
+    Message,
+    /// The input of the emergency stop.
+    Input,
+}
+
+/// What happens to a servo that turns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TurnFault {
+    /// A stop, while some of its answers are damaged.
+    StopWithDamage,
+    /// A stop, while its answers to what is written are lost.
+    StopUnconfirmed,
+    /// A stop, and a long rest.
+    Stop,
+    /// It reports an overload.
+    Overload,
+    /// The emergency stop.
+    Input,
+    /// It falls silent; then commands come.
+    Silent,
+}
+
+impl TurnFault {
+    /// All of them.
+    pub const ALL: [Self; 6] =
+        [Self::StopWithDamage, Self::StopUnconfirmed, Self::Stop, Self::Overload, Self::Input, Self::Silent];
 }
 
 /// What happens to the board, at its time.
@@ -68,6 +112,24 @@ pub enum WorldAct {
     SilentServos(u8, u32),
     /// These servos cannot turn for this time, ms.
     BlockedServos(u8, u32),
+    /// Some answers of these servos are damaged for this time, ms; their sums are right.
+    DamagedServos(u8, u32),
+    /// What is written to these servos is lost for this time, ms.
+    DeafServos(u8, u32),
+    /// What these servos answer to what is written is lost for this time, ms.
+    UnconfirmedServos(u8, u32),
+    /// These servos report an overload for this time, ms.
+    OverloadedServos(u8, u32),
+    /// The valve at a line of the arm gets no current for this time, ms.
+    DeadValve(u32),
+    /// A person presses the button for this time, ms.
+    Press(u32),
+    /// The stored profile is damaged, records (`true`) or image, and the firmware starts again.
+    DamagedProfile(bool),
+    /// A table of another profile, or for a board without one (`true`), uploaded completely and played.
+    ForeignTable(bool),
+    /// A profile beyond the limits of the arm, uploaded completely.
+    WiderProfile,
     /// Somebody holds the emergency stop for this time, ms.
     EmergencyStop(u32),
     /// Something sends random bytes on the servo bus for this time, ms.
@@ -94,6 +156,15 @@ impl WorldAct {
             Self::BouncingSwitches(..) => "bouncing switches",
             Self::SilentServos(..) => "silent servos",
             Self::BlockedServos(..) => "blocked servos",
+            Self::DamagedServos(..) => "damaged answers of servos",
+            Self::DeafServos(..) => "deaf servos",
+            Self::UnconfirmedServos(..) => "unconfirmed servos",
+            Self::OverloadedServos(..) => "overloaded servos",
+            Self::DeadValve(_) => "dead valve",
+            Self::Press(_) => "button pressed",
+            Self::DamagedProfile(_) => "damaged profile",
+            Self::ForeignTable(_) => "table of another profile",
+            Self::WiderProfile => "wider profile",
             Self::EmergencyStop(_) => "emergency stop",
             Self::BabblingBus(_) => "babbling servo bus",
             Self::Frames(..) => "hostile frames",
@@ -105,7 +176,16 @@ impl WorldAct {
 
     /// Whether somebody but the host acts.
     pub fn is_hostile(&self) -> bool {
-        matches!(self, Self::Frames(..) | Self::Text | Self::Burst | Self::Table)
+        matches!(
+            self,
+            Self::Frames(..)
+                | Self::Text
+                | Self::Burst
+                | Self::Table
+                | Self::ForeignTable(_)
+                | Self::WiderProfile
+                | Self::DamagedProfile(_)
+        )
     }
 
     /// How long it lasts, ms.
@@ -113,8 +193,11 @@ impl WorldAct {
         match *self {
             Self::PowerCut(ms) | Self::FlashCut(_, ms) | Self::BabblingBus(ms) | Self::EmergencyStop(ms) => ms,
             Self::StuckSwitches(.., ms) | Self::BouncingSwitches(_, ms) => ms,
-            Self::SilentServos(_, ms) | Self::BlockedServos(_, ms) => ms,
+            Self::SilentServos(_, ms) | Self::BlockedServos(_, ms) | Self::DamagedServos(_, ms) => ms,
+            Self::DeafServos(_, ms) | Self::UnconfirmedServos(_, ms) | Self::OverloadedServos(_, ms) => ms,
+            Self::DeadValve(ms) | Self::Press(ms) => ms,
             Self::Reset | Self::KillHost | Self::Frames(..) | Self::Text | Self::Burst | Self::Table => 0,
+            Self::DamagedProfile(_) | Self::ForeignTable(_) | Self::WiderProfile => 0,
         }
     }
 }
@@ -151,6 +234,10 @@ pub struct Script {
     pub second: Vec<Timed<HostAct>>,
     /// What happens to the board.
     pub world: Vec<Timed<WorldAct>>,
+    /// The contact of the button is closed from the beginning, as a jumper that somebody left.
+    pub has_jumper: bool,
+    /// The run lasts at least this time, ms.
+    pub min_ms: u64,
 }
 
 impl Script {
@@ -166,7 +253,9 @@ impl Script {
         let loss_percent = LOSSES[rng.random_range(0..LOSSES.len())];
         let clock_ppm = rng.random_range(-20_000..=20_000);
         let (host, second, world) = (Vec::new(), Vec::new(), Vec::new());
-        let mut script = Self { seed, chip, arm, tables, clock_ppm, loss_percent, host, second, world };
+        let (has_jumper, min_ms) = (seed % 8 == 5, MIN_MS);
+        let mut script =
+            Self { seed, chip, arm, tables, clock_ppm, loss_percent, host, second, world, has_jumper, min_ms };
         if seed % 50 == 49 {
             script.poll_for_long(&mut rng);
         } else {
@@ -232,7 +321,17 @@ impl Script {
 
     fn draw_host_act(&self, rng: &mut ChaCha8Rng) -> HostAct {
         let coil = rng.random_range(0..self.arm.coils.len().max(1)) as u8;
-        match rng.random_range(0..23u8) {
+        match rng.random_range(0..34u8) {
+            23..=25 => {
+                let forms = [StopForm::Typed, StopForm::Bootstrap, StopForm::Message, StopForm::Input];
+                HostAct::StopThen(forms[rng.random_range(0..forms.len())])
+            }
+            26..=29 => {
+                let fault = TurnFault::ALL[rng.random_range(0..TurnFault::ALL.len())];
+                HostAct::TurnUnder(fault, rng.random_range(250..490) * if rng.random() { 1 } else { -1 })
+            }
+            30 | 31 => HostAct::LateHello,
+            32 => HostAct::WriteProfile(rng.random_ratio(2, 3)),
             0 => HostAct::Upload(rng.random_range(0..self.tables.len())),
             1..=3 => HostAct::Play,
             4 | 5 => HostAct::Stop,
@@ -258,6 +357,23 @@ impl Script {
             let act = draw_world_act(rng);
             self.world.push(Timed { at_ms, act, seed: rng.random() });
         }
+        if self.seed % 7 == 3 {
+            // What comes after it can do little: late in the run.
+            let (at_ms, act) = (rng.random_range(40_000..50_000), WorldAct::DamagedProfile(rng.random()));
+            self.world.push(Timed { at_ms, act, seed: rng.random() });
+            // Under the limits that are built in all outputs count as used up for 10 s.
+            for after_ms in [200, 11_500] {
+                let act = WorldAct::ForeignTable(true);
+                self.world.push(Timed { at_ms: at_ms + after_ms, act, seed: rng.random() });
+            }
+            self.min_ms = 66_000;
+        }
+        if self.seed % 40 == 11 {
+            // A button that is held for more than a minute counts as open.
+            self.world.push(Timed { at_ms: 3_000, act: WorldAct::Press(64_000), seed: rng.random() });
+            self.world.push(Timed { at_ms: 64_500, act: WorldAct::WiderProfile, seed: rng.random() });
+            self.min_ms = 70_000;
+        }
         self.world.sort_by_key(|entry| entry.at_ms);
     }
 }
@@ -281,7 +397,15 @@ fn draw_arm(rng: &mut ChaCha8Rng, seed: u64) -> (ArmPlan, Vec<Table>) {
 
 fn draw_world_act(rng: &mut ChaCha8Rng) -> WorldAct {
     let lasts_ms = rng.random_range(20..2_500);
-    match rng.random_range(0..23u8) {
+    match rng.random_range(0..34u8) {
+        23 | 24 => WorldAct::DamagedServos(rng.random_range(1..4), lasts_ms),
+        25 => WorldAct::DeafServos(rng.random_range(1..4), lasts_ms),
+        26 => WorldAct::UnconfirmedServos(rng.random_range(1..4), lasts_ms),
+        27 | 28 => WorldAct::OverloadedServos(rng.random_range(1..4), lasts_ms),
+        29 => WorldAct::DeadValve(lasts_ms),
+        30 | 31 => WorldAct::Press(lasts_ms),
+        32 => WorldAct::ForeignTable(rng.random()),
+        33 => WorldAct::WiderProfile,
         0 | 1 => WorldAct::PowerCut(lasts_ms),
         2..=4 => WorldAct::FlashCut(rng.random_range(1..1_500), lasts_ms),
         5 => WorldAct::Reset,

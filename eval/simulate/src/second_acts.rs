@@ -174,6 +174,7 @@ impl Second<'_> {
         if self.ask("stop", stop).is_none() {
             return;
         }
+        self.console.look(move |world| world.on_stop(began_ns));
         self.console.pass(2);
         self.console.look(move |world| world.judge_stopped(Party::Second, began_ns, true));
         self.console.pass(SETTLE_MS);
@@ -184,15 +185,20 @@ impl Second<'_> {
     fn pulse(&mut self, coil: u8) {
         let began_ns = self.console.now_ns();
         let Some(line) = self.script.arm.pulsed_line(coil) else { return };
-        if self.ask("stop", |client| client.command(Command::Stop)).is_none() {
+        if self.ask("stop", Client::stop_at_once).is_none() {
             return;
+        }
+        self.console.look(move |world| world.on_stop(began_ns));
+        if let Some(client) = self.client() {
+            drop(client.say_hello());
         }
         self.console.pass(SETTLE_MS);
         let model = self.status().and_then(|status| status.model);
         let is_own = self.script.tables.iter().any(|table| model.is_some_and(|model| model.0 == table.model));
-        let Some((before, 0)) = self.console.look(move |world| (world.pins.rises(line), world.pins.high())) else {
-            return;
+        let look = move |world: &mut World| {
+            (world.pins.rises(line), world.pins.high(), world.pins.has_supply(world.now_ns(), 1))
         };
+        let Some((before, 0, has_supply)) = self.console.look(look) else { return };
         if !is_own {
             return;
         }
@@ -200,7 +206,8 @@ impl Second<'_> {
         self.console.pass(SETTLE_MS);
         self.console.look(move |world| {
             let rises = world.pins.rises(line) - before;
-            let pulse = Pulse { ending, rises, undisturbed: world.is_undisturbed_since(began_ns) };
+            let undisturbed = has_supply && world.is_undisturbed_since(began_ns);
+            let pulse = Pulse { ending, rises, undisturbed };
             if !world.has_other_acted_since(Party::Second, began_ns) {
                 world.reports.on_pulse(world.now_ns(), pulse);
             }

@@ -12,12 +12,16 @@ use std::collections::{BTreeMap, VecDeque};
 
 use darm_core::output::Wiring;
 use darm_core::units::Digest;
-use darm_device::in_process::{Bench, MemoryFlash, Physical};
+use darm_device::in_process::{Bench, Chip, MemoryFlash, Physical};
 use darm_device::plant::Plant;
+use darm_device::plant::servo_bus::{ServoFaults, ServoState};
 
+use crate::arm::ArmPlan;
+use crate::judge::person::Person;
 use crate::judge::pins::Pins;
 use crate::judge::reports::Reports;
-use crate::judge::servos::Servos;
+use crate::judge::servos::{Joint, Servos};
+use crate::judge::switches::Switches;
 use crate::panics;
 use crate::script::{Script, Timed, WorldAct};
 use crate::second_host::{self, SecondHost};
@@ -29,17 +33,28 @@ pub use senders::Party;
 
 /// No run lasts longer: whoever still waits finds the line closed.
 const MAX_NS: u64 = 600_000_000_000;
+/// A servo on the bus that no profile has.
+const STRANGER: u8 = 77;
+/// The board has seen the emergency stop after so many ticks in which it ran.
+const PRESSED_TICKS: i32 = 4;
+/// So many ticks after a start its profile is in force at the latest.
+const START_TICKS: i32 = 800;
 
 /// The world of one run.
 pub struct World {
     bench: Bench,
+    arm: ArmPlan,
     wiring: Wiring,
     /// Digest of the profile that the board has.
     profile: Digest,
     /// Judge 1, the lines.
     pub pins: Pins,
-    /// Judge 1, the servo bus.
+    /// Judge 1, the servos.
     pub servos: Servos,
+    /// Judge 1, the limit switches.
+    pub switches: Switches,
+    /// Judge 2, the button and the profile.
+    pub person: Person,
     /// Judge 2.
     pub reports: Reports,
     acts: VecDeque<Timed<WorldAct>>,
@@ -58,13 +73,31 @@ pub struct World {
     /// Who sent a commit of which table when, ns.
     commits: Vec<(Party, u64, u64)>,
     second: Option<SecondHost<Self>>,
-    /// When a command and a stop came in one piece, ns, while nobody has sent anything since.
-    burst_ns: Option<u64>,
+    /// When a stop came behind a command, or commands of before a stop after it, and until when nothing may act, ns, while
+    /// nobody has sent anything since.
+    quiet_ns: Option<(u64, u64)>,
+    /// Connections that were opened since the start of the board, and when that arrived first.
+    links: Vec<(u32, u64)>,
+    /// Connections that were opened before this time have ended by a stop.
+    ended_ns: u64,
+    /// When somebody asked last for the safe state to be left.
+    cleared_ns: u64,
+    /// The loaded table is one of the script: it names the arm's switches.
+    has_own_table: bool,
+    /// Numbers of the tables of the script.
+    own_models: Vec<u64>,
+    /// When a profile or a table of somebody else was sent last, ns.
+    foreign_ns: Option<u64>,
+    /// Ticks in which the board ran and the emergency stop was pressed.
+    pressed_ticks: i32,
+    has_jumper: bool,
+    /// The host has a person press the button.
+    is_attended: bool,
     happened: Vec<Physical>,
     /// Since when the emergency stop is pressed.
     pressed_ns: Option<u64>,
-    /// Servos that the host's act silences.
-    silenced: u8,
+    /// What the host's act does to the servos.
+    act_faults: ServoFaults,
     /// The kind of the disturbance that ended last, and when, until the host gets through again.
     recovering: Option<(&'static str, u64)>,
     /// Since when the host tries to get through.
@@ -81,17 +114,23 @@ impl World {
     /// The world of a script. With `readable`, the trace is kept for people.
     pub fn new(script: &Script, readable: bool) -> Self {
         let (wiring, profile) = (script.arm.wiring(), script.arm.profile());
-        let mut bench =
-            Bench::new(Plant::new(&wiring, &[]), MemoryFlash::with_profile_on(script.chip, &profile.image()));
+        let mut plant = Plant::new(&wiring, &[]);
+        plant.bend_servos(&script.arm.servos.iter().map(|servo| servo.bend_steps).collect::<Vec<_>>());
+        plant.add_servo(STRANGER);
+        let mut bench = Bench::new(plant, MemoryFlash::with_profile_on(script.chip, &profile.image()));
         bench.set_clock_error(script.clock_ppm);
         bench.set_polls(2);
         let ceilings = script.arm.ceilings(script.clock_ppm);
+        bench.hold_button(script.has_jumper);
         let mut world = Self {
             bench,
+            arm: script.arm.clone(),
             wiring,
             profile: profile.profile.digest,
             pins: Pins::new(ceilings.clone()),
-            servos: Servos::new(ceilings),
+            servos: Servos::new(ceilings.clone()),
+            switches: Switches::new(ceilings.clone(), script.arm.switches()),
+            person: Person::new(ceilings, profile.profile.digest.0),
             reports: Reports::new(),
             acts: script.world.iter().cloned().collect(),
             acts_from_ns: None,
@@ -104,10 +143,19 @@ impl World {
             acted_ns: [None; 2],
             commits: Vec::new(),
             second: None,
-            burst_ns: None,
+            quiet_ns: None,
+            links: Vec::new(),
+            ended_ns: 0,
+            cleared_ns: 0,
+            has_own_table: false,
+            own_models: script.tables.iter().map(|table| table.model).collect(),
+            foreign_ns: None,
+            pressed_ticks: -START_TICKS,
+            has_jumper: script.has_jumper,
+            is_attended: false,
             happened: Vec::new(),
             pressed_ns: None,
-            silenced: 0,
+            act_faults: ServoFaults::default(),
             recovering: None,
             tried_ns: None,
             recoveries: Vec::new(),
@@ -116,7 +164,7 @@ impl World {
         };
         for table in &script.tables {
             world.reports.know(table.known());
-            table.angles_rad.iter().for_each(|&angle| world.servos.on_asked(angle));
+            table.angles_rad.iter().for_each(|&(servo, angle_rad)| world.servos.on_tabled(servo, angle_rad));
         }
         world
     }
@@ -217,12 +265,10 @@ impl World {
         }
         self.observe();
         self.pins.on_tick_end(self.bench.now_ns());
-        if let Some(since_ns) = self.pressed_ns {
-            self.pins.on_emergency_stop(self.bench.now_ns(), since_ns);
-        }
+        self.look_at_arm();
         if self.pins.high() != 0 {
             self.servos.on_lines_on(self.bench.now_ns());
-            self.judge_burst();
+            self.judge_quiet();
         }
         let received = self.bench.received();
         if !received.is_empty() {
@@ -238,31 +284,90 @@ impl World {
         }
     }
 
+    /// Shows the judges the mechanism, the person and the inputs at the end of a tick.
+    fn look_at_arm(&mut self) {
+        let now_ns = self.bench.now_ns();
+        self.hold_button();
+        self.person.look(now_ns, self.bench.is_button_held());
+        if let Some(since_ns) = self.pressed_ns {
+            self.pins.on_emergency_stop(now_ns, since_ns);
+            self.pressed_ticks += i32::from(self.bench.is_powered() && !self.bench.is_paused());
+            if self.pressed_ticks >= PRESSED_TICKS {
+                self.servos.on_latched(now_ns);
+            }
+        }
+        let broken = self.bench.plant().broken();
+        let ServoFaults { silent, mute, deaf, unconfirmed, damaged, .. } = broken.servos;
+        let (unheard, is_noisy) = (silent | mute | deaf | unconfirmed | damaged, self.is_bus_noisy());
+        let overloaded = broken.servos.overloaded;
+        let joint = |(index, state): (usize, ServoState)| {
+            let has = |mask: u8| mask >> index & 1 == 1;
+            Joint {
+                id: state.id,
+                step: state.step,
+                has_torque: state.has_torque,
+                goal: state.goal_step.into(),
+                torque_limit: state.torque_limit,
+                answers: state.answers,
+                is_blocked: state.is_blocked,
+                is_overloaded: has(overloaded),
+                is_heard: !is_noisy && !has(unheard),
+            }
+        };
+        let is_powered = self.bench.is_powered();
+        self.servos.look(now_ns, is_powered, self.bench.plant().servos().enumerate().map(joint));
+        if self.has_broken_switches() {
+            self.switches.on_disturbed(now_ns);
+        }
+        self.switches.look(now_ns, self.pins.high(), self.bench.inputs(), self.has_own_table);
+        if self.servos.is_latched() {
+            self.pins.on_forbidden(now_ns, "safe-latched", "in the safe state, which nobody asked to be left");
+        }
+        if self.person.is_lost() {
+            self.pins.on_forbidden(now_ns, "lost-profile", "on a board whose profile is damaged");
+        }
+    }
+
+    /// The contact of the button as the script and the host have it.
+    fn hold_button(&mut self) {
+        let is_pressed = self.active.iter().any(|active| matches!(active.act, WorldAct::Press(_)));
+        self.bench.hold_button(self.has_jumper || self.is_attended || is_pressed);
+    }
+
+    /// The board starts.
+    fn on_start(&mut self, power_was_off: bool) {
+        let now_ns = self.bench.now_ns();
+        self.pins.on_start(now_ns, power_was_off);
+        self.servos.on_start(now_ns);
+        self.person.on_start(now_ns);
+        self.links.clear();
+        self.pressed_ticks = -START_TICKS;
+    }
+
     /// Shows the judges what happened at the pins.
     fn observe(&mut self) {
         let (now_ns, before) = (self.bench.now_ns(), self.pins.high());
         self.happened.extend(self.bench.take_happened());
-        for happened in self.happened.drain(..) {
+        let mut happened = std::mem::take(&mut self.happened);
+        for happened in happened.drain(..) {
+            let mut is_started = None;
             match happened {
                 Physical::Edge(pin, high) => {
                     self.trace.mix(&[pin as u8, u8::from(high)]);
                     self.pins.on_edge(now_ns, pin as u8, high);
                 }
-                Physical::Bus { to_servos, bytes } => {
-                    self.trace.mix(&bytes);
-                    self.servos.on_bytes(now_ns, to_servos, &bytes);
-                }
-                Physical::Reset => {
-                    self.pins.on_start(now_ns, false);
-                    self.servos.on_start();
-                }
-                Physical::Power(true) => {
-                    self.pins.on_start(now_ns, true);
-                    self.servos.on_start();
-                }
+                Physical::Bus { bytes, .. } => self.trace.mix(&bytes),
+                Physical::Reset => is_started = Some(false),
+                Physical::Power(true) => is_started = Some(true),
+                Physical::Loader if self.bench.flash().chip() == Chip::Rp2040 => self.person.on_loader(now_ns),
+                Physical::Loader => {}
                 Physical::Power(false) => self.pins.on_power_off(now_ns),
             }
+            if let Some(power_was_off) = is_started {
+                self.on_start(power_was_off);
+            }
         }
+        self.happened = happened;
         let after = self.pins.high();
         if before != after {
             self.trace.mix(&now_ns.to_le_bytes());

@@ -24,13 +24,13 @@ fn assert_no_rule_is_broken(outcomes: &[Outcome]) {
 }
 
 #[test]
-fn twenty_seeds_break_no_rule_where_the_flash_stops_the_control_tick() {
-    assert_no_rule_is_broken(&outcomes(Chip::Rp2040, 0..20));
+fn fifty_seeds_break_no_rule_where_the_flash_stops_the_control_tick() {
+    assert_no_rule_is_broken(&outcomes(Chip::Rp2040, 0..50));
 }
 
 #[test]
-fn forty_seeds_break_no_rule_and_have_every_disturbance() {
-    let outcomes = outcomes(Chip::Stm32l475, 0..40);
+fn two_hundred_seeds_break_no_rule_and_have_every_disturbance() {
+    let outcomes = outcomes(Chip::Stm32l475, 0..200);
     assert_no_rule_is_broken(&outcomes);
     for kind in [
         "power cut",
@@ -48,6 +48,15 @@ fn forty_seeds_break_no_rule_and_have_every_disturbance() {
         "hostile table",
         "command and stop in one piece",
         "second host",
+        "damaged answers of servos",
+        "deaf servos",
+        "unconfirmed servos",
+        "overloaded servos",
+        "dead valve",
+        "button pressed",
+        "damaged profile",
+        "table of another profile",
+        "wider profile",
     ] {
         assert!(outcomes.iter().any(|outcome| outcome.injected.contains_key(kind)), "{kind}");
     }

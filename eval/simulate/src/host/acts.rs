@@ -4,11 +4,13 @@ use darm_core::sequencer::{Command, Phase};
 use darm_core::wire::bootstrap::RebootTarget;
 use darm_core::wire::message::Calibration;
 use darm_device::client::{Client, ClientError};
+use darm_device::plant::servo_bus::ServoFaults;
 
 use super::{FirstUpload, Host, TRIES};
 use crate::answers::{self, PULSE_MS, SETTLE_MS};
 use crate::arm::Table;
 use crate::judge::reports::{Ending, Pulse};
+use crate::script::{StopForm, TurnFault};
 use crate::words;
 use crate::world::{self, Party};
 
@@ -20,6 +22,8 @@ const USE_MS: u32 = 400;
 const PEAK_WAIT_MS: u64 = 200;
 /// This number of uses fills the longest window.
 const USES: u32 = 30;
+/// After the last byte of a stop, or after the emergency stop is pressed, all outputs are off within this time, ms.
+const STOP_MS: u64 = 6;
 
 impl Host<'_> {
     /// Turns a servo that has not answered since the board started: whatever the board says, it is not driven.
@@ -27,18 +31,15 @@ impl Host<'_> {
         if !self.is_own_table_at_rest() {
             return;
         }
-        world::with(|world| {
-            // Where the restart is refused the servo has answered, and turns.
-            world.servos.on_asked(0.0);
-            world.silence_servos(u8::MAX);
-        });
+        // They would do what they are sent, and none of their answers arrives.
+        world::with(|world| world.break_servos(ServoFaults { mute: u8::MAX, ..ServoFaults::default() }));
         self.ask("reboot", |client| client.reboot(RebootTarget::Application));
         world::pass(SETTLE_MS);
         for _ in 0..2 {
             self.command("turn", Command::Servo { servo, angle_rad: 0.0 });
         }
         world::pass(SETTLE_MS);
-        world::with(|world| world.silence_servos(0));
+        world::with(|world| world.break_servos(ServoFaults::default()));
     }
 
     /// Uses one output up to its limit, then changes the table, then restarts the board: its limit stays what it is.
@@ -47,10 +48,10 @@ impl Host<'_> {
             return;
         }
         self.use_up(coil);
-        self.ask("stop", |client| client.command(Command::Stop));
+        self.halt();
         self.upload(table);
         self.use_up(coil);
-        self.ask("stop", |client| client.command(Command::Stop));
+        self.halt();
         self.ask("reboot", |client| client.reboot(RebootTarget::Application));
         world::pass(SETTLE_MS);
         self.use_up(coil);
@@ -85,10 +86,7 @@ impl Host<'_> {
             }
         }
         let Ok(calibration) = Calibration::try_from([offset_rad; 4]) else { return };
-        let (began_ns, before) = world::with(|world| {
-            world.servos.on_offset(offset_rad);
-            (world.now_ns(), world.servos.goals())
-        });
+        let (began_ns, before) = world::with(|world| (world.now_ns(), world.servos.steps()));
         let Some(client) = self.client() else { return };
         let result = client.calibrate(calibration);
         let done = result.is_ok();
@@ -154,6 +152,7 @@ impl Host<'_> {
         if self.ask(name, &stop).is_none() {
             return;
         }
+        world::with(|world| world.on_stop(began_ns));
         // The answer leaves before the next tick.
         world::pass(2);
         world::with(|world| world.judge_stopped(Party::First, began_ns, true));
@@ -178,12 +177,14 @@ impl Host<'_> {
         if !self.is_own_table_at_rest() {
             return;
         }
-        let before = world::with(|world| world.pins.rises(line));
+        let (before, has_supply) =
+            world::with(|world| (world.pins.rises(line), world.pins.has_supply(world.now_ns(), 1)));
         let ending = self.command("pulse", Command::Coil { coil, on_ms: PULSE_MS });
         world::pass(SETTLE_MS);
         world::with(|world| {
             let rises = world.pins.rises(line) - before;
-            let pulse = Pulse { ending, rises, undisturbed: world.is_undisturbed_since(began_ns) };
+            let undisturbed = has_supply && world.is_undisturbed_since(began_ns);
+            let pulse = Pulse { ending, rises, undisturbed };
             if !world.has_other_acted_since(Party::First, began_ns) {
                 world.reports.on_pulse(world.now_ns(), pulse);
             }
@@ -194,6 +195,9 @@ impl Host<'_> {
     pub(super) fn two_pulses(&mut self, first: u8, second: u8) {
         let began_ns = world::with(|world| world.now_ns());
         if first == second || !self.is_own_table_at_rest() {
+            return;
+        }
+        if !world::with(|world| world.pins.has_supply(world.now_ns(), 2)) {
             return;
         }
         for (coil, on_ms) in [(first, 2 * PULSE_MS), (second, PULSE_MS)] {
@@ -209,12 +213,181 @@ impl Host<'_> {
 
     /// Stops the board; true when it has stopped, all lines are off, and the loaded table is one of the script.
     pub(super) fn is_own_table_at_rest(&mut self) -> bool {
-        if self.ask("stop", |client| client.command(Command::Stop)).is_none() {
+        if !self.halt() {
             return false;
         }
         world::pass(SETTLE_MS);
         let model = self.ask("status", Client::status).and_then(|status| status.model);
         let own = self.script.tables.iter().any(|table| model.is_some_and(|model| model.0 == table.model));
         own && world::with(|world| world.pins.high()) == 0
+    }
+
+    /// Stops by the request that never changes, and opens the connection again, which a stop ends; whether that was confirmed.
+    fn halt(&mut self) -> bool {
+        let began_ns = world::with(|world| world.now_ns());
+        if self.ask("stop", Client::stop_at_once).is_none() {
+            return false;
+        }
+        world::with(|world| world.on_stop(began_ns));
+        self.renew()
+    }
+
+    /// Opens the connection again.
+    pub(super) fn renew(&mut self) -> bool {
+        let Some(client) = self.client() else { return false };
+        let result = client.say_hello();
+        let is_open = result.is_ok();
+        if is_open {
+            self.look_at_profile();
+        }
+        self.note("hello", result);
+        is_open
+    }
+
+    /// Something runs, then it is stopped, then all commands come again on the connection of before.
+    pub(super) fn stop_then(&mut self, form: StopForm, seed: u64) {
+        if !self.is_own_table_at_rest() {
+            return;
+        }
+        let coil = (seed >> 8) as usize % self.script.arm.coils.len().max(1);
+        let command = match seed % 3 {
+            0 => Command::Coil { coil: coil as u8, on_ms: USE_MS },
+            1 => Command::Servo { servo: 0, angle_rad: self.far_angle_rad(0, 0.4) },
+            _ => Command::Play,
+        };
+        self.command("run", command);
+        world::pass(10 + seed % 150);
+        let link = world::with(|world| world.host_link());
+        let began_ns = world::with(|world| world.now_ns());
+        let is_stopped = match form {
+            StopForm::Typed => {
+                world::with(|world| world.type_line("stop"));
+                true
+            }
+            StopForm::Input => {
+                world::with(|world| world.press_emergency_stop(true));
+                true
+            }
+            StopForm::Bootstrap => self.ask("stop", Client::stop_at_once).is_some(),
+            StopForm::Message => self.ask("stop", |client| client.command(Command::Stop)).is_some(),
+        };
+        if !is_stopped {
+            return;
+        }
+        world::pass(STOP_MS);
+        if form != StopForm::Input {
+            world::with(|world| {
+                world.on_stop(began_ns);
+                world.judge_stopped(Party::First, began_ns, true);
+            });
+        }
+        world::with(|world| world.send_commands_of_before(link, seed));
+        world::pass(SETTLE_MS);
+        if form == StopForm::Input {
+            world::with(|world| world.press_emergency_stop(false));
+            world::pass(SETTLE_MS);
+            self.events();
+            self.command("clear", Command::Clear);
+        } else {
+            world::with(|world| world.judge_stopped(Party::First, began_ns, false));
+        }
+        world::pass(2 * SETTLE_MS);
+    }
+
+    /// Commands on a connection that a stop has ended, behind a copy of what had opened it.
+    pub(super) fn late_hello(&mut self, seed: u64) {
+        if !self.is_own_table_at_rest() {
+            return;
+        }
+        // Half of them on the connection in use, after one more stop.
+        if seed & 1 == 1 && self.ask("stop", Client::stop_at_once).is_none() {
+            return;
+        }
+        if seed & 1 == 1 {
+            world::with(|world| world.on_stop(world.now_ns()));
+        }
+        world::with(|world| {
+            if let Some(link) = world.ended_link(seed >> 1) {
+                world.send_commands_of_before(link, seed);
+            }
+        });
+        world::pass(SETTLE_MS);
+    }
+
+    /// An angle on the other side of the middle, rad.
+    fn far_angle_rad(&self, servo: usize, angle_rad: f32) -> f32 {
+        let step = world::with(|world| world.servos.steps().get(servo).copied()).unwrap_or(2048.0);
+        if step > 2048.0 { -angle_rad } else { angle_rad }
+    }
+
+    /// A servo turns far, and meanwhile something happens.
+    pub(super) fn turn_under(&mut self, fault: TurnFault, angle_rad: f32, seed: u64) {
+        let count = self.script.arm.servos.len();
+        if count == 0 || !self.is_own_table_at_rest() {
+            return;
+        }
+        let index = seed as usize % count;
+        let turn = Command::Servo { servo: index as u8, angle_rad: self.far_angle_rad(index, angle_rad.abs()) };
+        if self.command("turn", turn) != Ending::Done {
+            return;
+        }
+        world::pass(60 + (seed >> 8) % 150);
+        let (mask, none) = (1 << index, ServoFaults::default());
+        let stop = Client::stop_at_once;
+        match fault {
+            TurnFault::StopWithDamage => {
+                world::with(|world| world.break_servos(ServoFaults { damaged: mask, ..none }));
+                world::pass(20);
+                self.stop("stop", stop);
+            }
+            TurnFault::StopUnconfirmed => {
+                world::with(|world| world.break_servos(ServoFaults { unconfirmed: mask, ..none }));
+                self.stop("stop", stop);
+                world::pass(2_000);
+            }
+            TurnFault::Stop => {
+                self.stop("stop", stop);
+                world::pass(5_000);
+            }
+            TurnFault::Overload => {
+                world::with(|world| world.break_servos(ServoFaults { overloaded: mask, ..none }));
+                world::pass(2 * SETTLE_MS);
+                self.events();
+            }
+            TurnFault::Input => {
+                world::with(|world| world.press_emergency_stop(true));
+                world::pass(2 * SETTLE_MS);
+                world::with(|world| world.press_emergency_stop(false));
+                self.events();
+            }
+            TurnFault::Silent => {
+                world::with(|world| world.break_servos(ServoFaults { mute: mask, ..none }));
+                world::pass(2 * SETTLE_MS);
+                self.command("clear", Command::Clear);
+                self.command("coil", Command::Coil { coil: 0, on_ms: PULSE_MS });
+                self.command("turn", turn);
+            }
+        }
+        world::pass(SETTLE_MS);
+        world::with(|world| world.break_servos(none));
+        self.events();
+        self.command("clear", Command::Clear);
+    }
+
+    /// The same profile again, with a person at the button or without.
+    pub(super) fn write_profile(&mut self, is_attended: bool) {
+        if !self.halt() {
+            return;
+        }
+        world::with(|world| world.attend(is_attended));
+        world::pass(50);
+        let image = self.script.arm.profile().image();
+        if let Some(client) = self.client() {
+            let result = client.upload(&image, &mut |_| {});
+            self.note("profile", result);
+        }
+        world::pass(SETTLE_MS);
+        world::with(|world| world.attend(false));
+        self.renew();
     }
 }

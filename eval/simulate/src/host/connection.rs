@@ -46,9 +46,19 @@ impl Link for Counted {
 impl Host<'_> {
     pub(super) fn command(&mut self, name: &'static str, command: Command) -> Ending {
         let Some(client) = self.client() else { return Ending::Unknown };
-        let began_ns = world::with(|world| world.now_ns());
+        let before = |world: &mut World| (world.now_ns(), world.servos.silent(world.now_ns()), world.pins.started_ns());
+        let (began_ns, silent, started_ns) = world::with(before);
         let result = client.command(command);
         let ending = ending(&result);
+        let drives = !matches!(command, Command::Stop | Command::Clear | Command::Coil { on_ms: 0, .. });
+        if let Some(servo) = silent.filter(|_| drives && ending == Ending::Done) {
+            world::with(|world| {
+                let now_ns = world.now_ns();
+                if world.servos.silent(now_ns) == Some(servo) && world.pins.started_ns() == started_ns {
+                    world.reports.on_accepted_while_silent(now_ns, servo, &format!("{command:?}"));
+                }
+            });
+        }
         self.judge_silence(name, began_ns, &result);
         self.note(name, result);
         ending
@@ -94,7 +104,10 @@ impl Host<'_> {
         let text = error.to_string();
         world::with(|world| world.say("host", || format!("{name}: {text}")));
         match (&error, &mut self.client) {
-            (ClientError::Refused(refusal), Some((client, _))) if asks_for_hello(refusal) => drop(client.say_hello()),
+            (ClientError::Refused(refusal), Some((client, _))) if asks_for_hello(refusal) => {
+                drop(client.say_hello());
+                self.look_at_profile();
+            }
             (ClientError::Transport(_), _) => self.disconnect(),
             _ => {}
         }
@@ -124,8 +137,19 @@ impl Host<'_> {
             Faults { drop, corrupt: share, duplicate: share, reorder: share, delay: share, longest_delay_s: 0.05 };
         let link = Counted(Arc::new(Mutex::new(Faulty::new(Plug::new(), faults, self.rng.random()))));
         match Client::connect_as(Box::new(link.clone()), number) {
-            Ok(client) => self.client = Some((client, link)),
+            Ok(client) => {
+                self.client = Some((client, link));
+                self.look_at_profile();
+            }
             Err(error) => world::with(|world| world.say("host", || format!("connect: {error}"))),
+        }
+    }
+
+    /// What the board said last of the profile in force.
+    pub(super) fn look_at_profile(&self) {
+        let hello = self.client.as_ref().and_then(|(client, _)| client.hello());
+        if let Some(hello) = hello {
+            world::with(|world| world.person.on_in_force(world.now_ns(), hello.profile.0));
         }
     }
 

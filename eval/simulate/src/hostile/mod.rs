@@ -4,23 +4,22 @@ pub mod generate;
 pub mod tables;
 
 use darm_core::sequencer::Command;
-use darm_core::wire::bootstrap;
 use darm_core::wire::frame::{self, Header, MAX_FRAME};
 use darm_core::wire::message::{REQUEST, Request};
+use darm_core::wire::{PROTOCOL, bootstrap};
 use rand::RngExt as _;
+use rand::seq::SliceRandom as _;
 use rand_chacha::ChaCha8Rng;
 
+use crate::arm::ArmPlan;
 use crate::panics::caught;
+use crate::words;
 
-/// A frame and the servo angles that it asks for.
+/// Bytes and what they are.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Sent {
     /// Bytes on the line.
     pub bytes: Vec<u8>,
-    /// Requested servo angles, rad.
-    pub angles_rad: Vec<f32>,
-    /// Zero offsets that it sets, rad.
-    pub offsets_rad: Vec<f32>,
     /// What it is, for the trace.
     pub what: String,
 }
@@ -44,18 +43,13 @@ pub fn any_frame(rng: &mut ChaCha8Rng, link: u32, likely: &[u64]) -> Sent {
         let (tag, payload) =
             [(1, &[][..]), (2, &[]), (3, &[]), (4, &[]), (5, &[0]), (5, &[1]), (6, &[0])][rng.random_range(0..7)];
         let link = if rng.random() { 0 } else { link };
-        return Sent { bytes: framed(tag, link, number, payload), what: format!("bootstrap {tag}"), ..Sent::default() };
+        return Sent { bytes: framed(tag, link, number, payload), what: format!("bootstrap {tag}") };
     }
     let payload = generate::request_bytes(rng, likely);
     let mut sent = Sent { bytes: framed(REQUEST, link, number, &payload), ..Sent::default() };
     match postcard::from_bytes::<Request<'_>>(&payload) {
+        // A value that the type does not allow may not even be printable.
         Ok(request) => {
-            match request {
-                Request::Command(Command::Servo { angle_rad, .. }) => sent.angles_rad.push(angle_rad),
-                Request::Calibrate(calibration) => sent.offsets_rad.extend(calibration.offsets_rad()),
-                _ => {}
-            }
-            // A value that the type does not allow may not even be printable.
             sent.what = caught(|| format!("{request:?}")).unwrap_or_else(|_| format!("{payload:02x?}"));
         }
         Err(_) => sent.what = format!("{payload:02x?}"),
@@ -72,7 +66,7 @@ pub fn command_and_stop(rng: &mut ChaCha8Rng, coils: u8) -> Sent {
     };
     let stop = framed(bootstrap::Request::Stop.tag(), 0, rng.random(), bootstrap::Request::Stop.payload());
     let bytes = [format!("{what}\r").as_bytes(), &stop, &stop].concat();
-    Sent { bytes, what: format!("{what}, stop"), ..Sent::default() }
+    Sent { bytes, what: format!("{what}, stop") }
 }
 
 /// A line of text of known and unknown commands with arbitrary numbers.
@@ -92,7 +86,26 @@ pub fn any_line(rng: &mut ChaCha8Rng) -> Sent {
         8 => "log".into(),
         _ => "limits".into(),
     };
-    let angles_rad = if line.starts_with("servo") { second.parse().ok().map(f32::to_radians) } else { None };
-    let angles_rad = angles_rad.into_iter().collect();
-    Sent { bytes: format!("{line}\r").into_bytes(), angles_rad, what: line, ..Sent::default() }
+    Sent { bytes: format!("{line}\r").into_bytes(), what: line }
+}
+
+/// Every command that would move something, each with a number of its own, on a connection that is said to be opened again
+/// first.
+pub fn commands_of_before(rng: &mut ChaCha8Rng, link: u32, arm: &ArmPlan) -> Sent {
+    let mut number: u16 = rng.random();
+    let coil = rng.random_range(0..arm.coils.len().max(1)) as u8;
+    let angle_rad = rng.random_range(-0.4..0.4);
+    let mut requests = vec![
+        Request::Command(Command::Coil { coil, on_ms: 60 }),
+        Request::Command(Command::Word(words::word(arm, rng.random()))),
+        Request::Command(Command::Servo { servo: 0, angle_rad }),
+        Request::Command(Command::Play),
+    ];
+    requests.shuffle(rng);
+    requests.insert(rng.random_range(0..=1), Request::Hello { protocol: PROTOCOL });
+    let frames = requests.iter().map(|asked| {
+        number = number.wrapping_add(1);
+        request(link, number, asked)
+    });
+    Sent { bytes: frames.collect::<Vec<_>>().concat(), what: format!("commands of connection {link:x}") }
 }

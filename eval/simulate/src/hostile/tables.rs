@@ -2,7 +2,7 @@
 
 use darm_arm::board_profile::BoardProfile;
 use darm_arm::image::UploadImage;
-use darm_core::output::{Coil, CoilLimit, Drive, ServoWiring, SwitchLimit, Wiring};
+use darm_core::output::{ActuatorWiring, Coil, CoilLimit, Drive, ServoWiring, SwitchLimit, Wiring};
 use darm_core::sequencer::Command;
 use darm_core::units::Digest;
 use darm_core::wire::PROTOCOL;
@@ -53,6 +53,28 @@ pub fn beyond(rng: &mut ChaCha8Rng, wiring: &Wiring, profile: Digest) -> Option<
         return Table::draw(rng, &plan);
     }
     Some(Table::of(&draw_records(rng, &plan, 0.5), model))
+}
+
+/// A table within all limits of this wiring that names a profile which the board never had.
+pub fn of_another_profile(rng: &mut ChaCha8Rng, wiring: &Wiring) -> Option<Table> {
+    let (model, rows) = (rng.random::<u64>() | 1, rng.random_range(2..30));
+    let profile = Digest(rng.random());
+    Table::draw(rng, &TablePlan { wiring, profile, model, rows })
+}
+
+/// A table that a board without a profile takes: valves at the first lines, as the limits that are built in allow.
+pub fn of_no_profile(rng: &mut ChaCha8Rng) -> Option<Table> {
+    let count = rng.random_range(1..=4u8);
+    let drives = (0..count).map(|line| Drive::Hold { line });
+    let limit = CoilLimit { max_on_ms: 1_000, duty_percent: 10, window_ms: 10_000 };
+    let wiring = Wiring {
+        coils: (0..).zip(drives).map(|(output, drive)| Coil { output, drive, limit }).collect(),
+        actuators: (0..count).map(|_| ActuatorWiring { states: 2, switch: None, travel_ms: 60 }).collect(),
+        switch_limit: SwitchLimit { new_coils: 1, window_ms: 10 },
+        ..Wiring::default()
+    };
+    let (model, rows) = (rng.random::<u64>() | 1, 2);
+    Table::draw(rng, &TablePlan { wiring: &wiring, profile: Digest([0; 32]), model, rows })
 }
 
 /// A profile that allows what this one does not. Nobody holds the button: the board must refuse it.

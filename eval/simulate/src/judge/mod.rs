@@ -2,13 +2,18 @@
 //!
 //! | judge | sees | module |
 //! |-------|------|--------|
-//! | pins | edges of the four chain pins, bytes of the servo bus, power | [`pins`], [`servos`] |
+//! | pins | edges of the four chain pins, power | [`pins`] |
+//! | pins | shafts, goals and torque of the servos, whatever the bus carries | [`servos`] |
+//! | pins | valves by their lines, limit switches as the arm has them | [`switches`] |
 //! | reports | what the host client reports, what flash holds, which lines pulsed | [`reports`] |
+//! | reports | the button, and which profile the board says is in force | [`person`] |
 
 pub mod chain;
+pub mod person;
 pub mod pins;
 pub mod reports;
 pub mod servos;
+pub mod switches;
 
 /// Limits of one output line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,10 +39,38 @@ pub struct ServoCeiling {
     pub min_step: i16,
     /// Largest goal position.
     pub max_step: i16,
-    /// Largest commanded speed, steps/s.
+    /// Largest speed, steps/s.
     pub max_steps_s: u16,
+    /// Largest torque, thousandths of its own.
+    pub max_torque: u16,
     /// A driven servo that has not answered for this time is a fault, ms.
     pub timeout_ms: u32,
+    /// It has no torque in the safe state and after a start.
+    pub is_released: bool,
+}
+
+/// The two lines of a latch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LatchCeiling {
+    /// Line that sets it.
+    pub set: u8,
+    /// Line that resets it.
+    pub reset: u8,
+    /// Longest pulse of either, ms.
+    pub pulse_ms: u32,
+}
+
+/// One actuator with a limit switch.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SwitchCeiling {
+    /// Its coils: the line that holds the coil, or sets the latch; the line that resets it, where it is a latch.
+    pub coils: Vec<(u8, Option<u8>)>,
+    /// Input of the switch.
+    pub input: u8,
+    /// Digits in which the switch is closed: bit `d` for digit `d`.
+    pub closed_in: u8,
+    /// The actuator arrives within this time, ms.
+    pub travel_ms: u32,
 }
 
 /// What must never be exceeded, whatever anybody sends: the complete interface between the board's profile and the judges.
@@ -45,6 +78,8 @@ pub struct ServoCeiling {
 pub struct Ceilings {
     /// Limits of each line; `None` where nothing is wired.
     pub lines: [Option<LineCeiling>; 64],
+    /// Latches.
+    pub latches: Vec<LatchCeiling>,
     /// Limits of the servos.
     pub servos: Vec<ServoCeiling>,
     /// Loads that may be newly switched on within the budget's window.
@@ -58,9 +93,15 @@ pub struct Ceilings {
 }
 
 impl Ceilings {
+    /// True time that so many microseconds of the board's clock last, ns.
+    pub fn true_us_ns(&self, board_us: u64) -> u64 {
+        let ns = u128::from(board_us) * 1_000 * 1_000_000 / (1_000_000 + i64::from(self.clock_ppm)) as u128;
+        u64::try_from(ns).unwrap_or(u64::MAX)
+    }
+
     /// True time that a span of the board's clock lasts, ns.
     pub fn true_ns(&self, board_ms: u64) -> u64 {
-        board_ms * 1_000_000 * 1_000_000 / (1_000_000 + i64::from(self.clock_ppm)) as u64
+        self.true_us_ns(1_000 * board_ms)
     }
 }
 

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::chain::{Chain, LATCH, Lines};
-use super::{Ceilings, LineCeiling, Verdict};
+use super::{Ceilings, LatchCeiling, LineCeiling, Verdict};
 
 const JUDGE: &str = "pins";
 const MS: u64 = 1_000_000;
@@ -20,6 +20,9 @@ const PEAK_LATE_MS: u64 = 2;
 const PEAK_SLACK_MS: u64 = 1;
 /// After the emergency stop is pressed the lines are off within this time, in board time: it is read once a tick.
 const EMERGENCY_MS: u64 = 3;
+/// A peak of full current, or a pulse of a latch, ends this much later than its length at most, in board time: two late ticks,
+/// and the one in which it begins.
+const BURST_LATE_MS: u64 = 3;
 /// After the stated time of a fault the lines are off within this time, in board time.
 const SAFE_MS: u64 = 2;
 
@@ -79,6 +82,11 @@ impl Pins {
     /// When the firmware started last, ns.
     pub fn started_ns(&self) -> u64 {
         self.started_ns
+    }
+
+    /// True time that a span of the board's clock lasts, ns.
+    pub fn true_us_ns(&self, board_us: u64) -> u64 {
+        self.ceilings.true_us_ns(board_us)
     }
 
     /// An edge at a pin of the chain.
@@ -193,6 +201,7 @@ impl Pins {
         }
         if rising != 0 {
             self.count_fed(now_ns, rising);
+            self.check_latches(now_ns);
         }
         if (before.high == 0) != (now.high == 0) {
             self.changes.push(now_ns);
@@ -234,6 +243,7 @@ impl Pins {
     fn fall(&mut self, now_ns: u64, line: usize) {
         let Some(ceiling) = self.ceilings.lines[line] else { return };
         let on_ns = now_ns - self.since_ns[line];
+        self.check_burst(now_ns, line, ceiling.peak_ms, on_ns);
         self.peak_ms[line] = if ceiling.peak_ms > 0 { self.peak_ms(line, on_ns) } else { 0 };
         self.check_peak(now_ns, line, self.peak_ms[line]);
         let allowed_ns = self.ceilings.true_ns(u64::from(ceiling.max_on_ms) + NOTICE_MS);
@@ -244,6 +254,46 @@ impl Pins {
         }
         self.spans[line].push_back((self.since_ns[line], now_ns));
         self.check_duty(now_ns, line, ceiling);
+    }
+
+    /// Full current, and the pulse of a latch, last no longer than the profile says.
+    fn check_burst(&mut self, now_ns: u64, line: usize, peak_ms: u32, on_ns: u64) {
+        let is_own = |latch: &&LatchCeiling| [latch.set, latch.reset].map(usize::from).contains(&line);
+        let pulse_ms = self.ceilings.latches.iter().find(is_own).map_or(0, |latch| latch.pulse_ms);
+        for (burst_ms, rule) in [(peak_ms, "peak-length"), (pulse_ms, "latch-pulse")] {
+            if burst_ms > 0 && on_ns > self.ceilings.true_ns(u64::from(burst_ms) + BURST_LATE_MS) {
+                self.verdict.note(JUDGE, rule, now_ns, || {
+                    format!("line {line} was on for {} ms, its peak or pulse lasts {burst_ms}", on_ns / MS)
+                });
+            }
+        }
+    }
+
+    /// A latch is set or reset, never both at once.
+    fn check_latches(&mut self, now_ns: u64) {
+        let high = self.lines.high;
+        let both = |latch: &&LatchCeiling| high >> latch.set & high >> latch.reset & 1 == 1;
+        if let Some(LatchCeiling { set, reset, .. }) = self.ceilings.latches.iter().find(both).copied() {
+            self.verdict.note(JUDGE, "latch-both", now_ns, || {
+                format!("line {set} sets a latch and line {reset} resets it at the same time")
+            });
+        }
+    }
+
+    /// Whether the supply feeds so many more loads now.
+    pub fn has_supply(&self, now_ns: u64, loads: usize) -> bool {
+        let window_ns = self.ceilings.true_ns(u64::from(self.ceilings.budget_ms) + NOTICE_MS);
+        let has_started = now_ns.saturating_sub(self.started_ns) > window_ns;
+        let fed = self.fed.iter().filter(|&&(at, _)| at + window_ns > now_ns).count();
+        has_started && fed + loads <= self.ceilings.new_loads.into()
+    }
+
+    /// The end of a tick in which nothing may be driven.
+    pub fn on_forbidden(&mut self, now_ns: u64, rule: &'static str, why: &str) {
+        let lines = self.lines.high;
+        if lines != 0 {
+            self.verdict.note(JUDGE, rule, now_ns, || format!("the lines {lines:#x} are on {why}"));
+        }
     }
 
     /// On-time in the window that ends now; the largest is one that ends where the line goes off.

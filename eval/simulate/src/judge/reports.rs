@@ -155,12 +155,28 @@ impl Reports {
             .note(JUDGE, "acts-after-stop", now_ns, || "the board confirmed a command from before a stop".into());
     }
 
+    /// A command was confirmed, and all the time since before it was sent this servo was silent for longer than it may.
+    pub fn on_accepted_while_silent(&mut self, now_ns: u64, servo: usize, command: &str) {
+        self.verdict.note(JUDGE, "accepted-while-silent", now_ns, || {
+            format!("the board confirmed {command}, and servo {servo} does not answer")
+        });
+    }
+
+    /// The board may have no table: its records are damaged.
+    pub fn on_store_damaged(&mut self) {
+        if !self.allowed.contains(&None) {
+            self.allowed.push(None);
+        }
+    }
+
     /// Lines are on, this time after a stop that came in one piece with commands before it. Nobody has sent anything
     /// since.
     pub fn on_lines_after_burst(&mut self, now_ns: u64, after_ns: u64, lines: u64) {
         self.verdict.note(JUDGE, "acts-after-stop", now_ns, || {
             let after_ms = after_ns / 1_000_000;
-            format!("the lines {lines:#x} are on {after_ms} ms after a stop that came in one piece behind a command")
+            format!(
+                "the lines {lines:#x} are on {after_ms} ms after a stop, by a command or a connection from before it"
+            )
         });
     }
 

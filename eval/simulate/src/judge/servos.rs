@@ -1,77 +1,152 @@
-//! Judge 1, the servo bus: goals within the range, speeds, no motion that nobody requested, silence that is noticed.
+//! Judge 1, the servos: what their shafts do. It sees the mechanism, never the bus: where each shaft is, which goal and which
+//! torque limit are in force, how often a servo has answered.
 //!
-//! Packets: `FF FF id n code parameters… sum`. Registers from 40 on: torque, acceleration, goal position (42, 43), time,
-//! speed (46, 47), torque limit (48, 49); from 56 on: present position. Source: Feetech, STS3215 memory table.
+//! A motion is explained by an order: somebody asked for an angle, or for a table with that angle, on a connection that no stop
+//! has ended, and neither a stop, a latched fault nor a start has come since. All else is rest: the shaft stays where it came to
+//! rest, whatever goal is written to hold it.
 
 use super::{Ceilings, ServoCeiling, Verdict};
 
 const JUDGE: &str = "pins";
-const WRITE: u8 = 3;
-const READ: u8 = 2;
-const TORQUE: u8 = 40;
-const GOAL: u8 = 42;
-const SPEED: u8 = 46;
-const PRESENT: u8 = 56;
-/// A goal this near to a position that was seen lately holds it and moves nothing, steps: 1.4°.
-const HOLD_STEPS: u16 = 16;
-/// A servo is on its way beyond this distance from its goal, steps: 0.1 rad, more than any that holds gives way.
-const UNDER_WAY_STEPS: u16 = 65;
+const MS: u64 = 1_000_000;
+/// The bend of a servo under load, steps; the simulated ones have at most this.
+pub const MAX_BEND_STEPS: f32 = 5.0;
+/// A shaft that is held stays within this many steps (1.4°) of where it came to rest: holding takes the present position for
+/// the goal, which bends it once more (5), at rest under the bend of before (5), plus rounding (2) and, at the largest speed of a
+/// script (3 rad/s), what it turns in 2 ms from the answer to the order (4).
+const HOLD_STEPS: f32 = 16.0;
+/// A position that a servo turning at speed has reported is this old when it becomes the goal, ms: two visits and their answers.
+const READ_AGE_MS: u64 = 25;
+/// A shaft may be beyond its range by its bend, rounding, and the margin of a goal at the edge, steps.
+const RANGE_STEPS: f32 = MAX_BEND_STEPS + 3.0;
 /// A goal is the requested one when it is this near, steps.
-const GOAL_STEPS: u16 = 2;
+const GOAL_STEPS: f32 = 2.0;
+/// A servo is on its way beyond this distance from its goal, steps: 0.1 rad, more than any that holds gives way.
+const UNDER_WAY_STEPS: f32 = 65.0;
+/// In one tick a shaft that rests turns less than this, steps.
+const REST_STEPS: f32 = 0.01;
+/// After an order has ended the shaft rests within this time, ms: docs/safety.md, with three silent servos on the bus.
+const HOLD_MS: u64 = 100;
+/// Where something was wrong with the bus, or the board just started, that time begins so much later, ms: records are written
+/// first, which on a chip that erases 4 KiB at once lets nothing run for 400 ms.
+const START_MS: u64 = 600;
 /// A silent servo is noticed within this time after its time-out, in board time: two ticks.
 const NOTICE_MS: u64 = 3;
+/// After this time without an answer of a servo on its way the flash is written all the same, ms: docs/safety.md.
+const WRITE_ANYWAY_MS: u64 = 250;
+/// A servo that turns and reports an overload rests within this time, ms: a visit, a tick and the order to hold.
+const OVERLOAD_MS: u64 = 150;
+/// Steps of one radian.
+const STEPS_PER_RAD: f32 = 4096.0 / std::f32::consts::TAU;
 
-/// What the bus has shown of one servo.
-#[derive(Clone, Copy, Debug, Default)]
-struct Seen {
+/// What one servo does in this moment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Joint {
+    /// Address.
+    pub id: u8,
+    /// Where its shaft is, steps of 4096 a turn, 2048 in the middle.
+    pub step: f32,
+    /// It has torque.
+    pub has_torque: bool,
+    /// The goal in force, steps.
+    pub goal: f32,
+    /// The torque limit in force, thousandths.
+    pub torque_limit: u16,
+    /// Answers that it has given.
+    pub answers: u32,
+    /// It cannot turn.
+    pub is_blocked: bool,
+    /// It reports an overload.
+    pub is_overloaded: bool,
+    /// Its answers and orders arrive as they were sent.
+    pub is_heard: bool,
+}
+
+/// What somebody wants of the servos.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Wish {
+    /// One servo, by its index, to a joint angle, rad.
+    Angle(u8, f32),
+    /// All servos to the angles of whatever table is loaded.
+    Table,
+}
+
+/// An order that arrived.
+#[derive(Clone, Copy, Debug)]
+struct Order {
+    at_ns: u64,
+    wish: Wish,
+}
+
+/// Why a shaft is where it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Motion {
+    /// An order in force explains its goal.
+    Ordered,
+    /// None does any more, since then; it comes to rest.
+    Stopping(u64),
+    /// It rests there.
+    Resting(f32),
+}
+
+/// The memory of one servo.
+#[derive(Clone, Copy, Debug)]
+struct Track {
+    last: Joint,
+    motion: Motion,
     answered_ns: Option<u64>,
-    present: Option<i16>,
-    /// Since when it is driven.
     driven_ns: Option<u64>,
-    goal: Option<i16>,
+    /// When its bus was last disturbed, or the board could say nothing to it.
+    excused_ns: u64,
+    /// Since when it turns and reports an overload.
+    overloaded_ns: Option<u64>,
+    /// The end of its last motion under torque, ns.
+    moved_ns: Option<u64>,
+    /// Whether an order explains its goal, at that number of changes of the orders.
+    explained: Option<(u64, bool)>,
 }
 
 /// The judge's memory.
 pub struct Servos {
     ceilings: Ceilings,
-    seen: [Seen; 256],
-    /// Joint angles that were requested, by any command or table, rad.
-    asked_rad: Vec<f32>,
+    tracks: Vec<Track>,
+    orders: Vec<Order>,
+    /// How often what explains a goal has changed.
+    changes: u64,
+    /// Joint angles of tables, with the index of their servo, rad.
+    tabled: Vec<(u8, f32)>,
     /// Zero offsets that somebody has set, rad: what is added to a joint angle.
     offsets_rad: Vec<f32>,
-    to_servos: Vec<u8>,
-    to_board: Vec<u8>,
-    /// The register that was last read from each servo.
-    reads: [u8; 256],
+    /// Since when the safe state is latched, as far as the judge knows by itself.
+    latched_ns: Option<u64>,
+    /// Since when no order was there after a start: what the profile says of the safe state holds then too.
+    fallen_back_ns: Option<u64>,
+    looked_ns: u64,
     verdict: Verdict,
 }
 
-/// A packet.
-struct Packet {
-    id: u8,
-    code: u8,
-    parameters: Vec<u8>,
-}
-
 impl Servos {
-    /// A bus on which nothing was said.
+    /// Servos of which nothing is known.
     pub fn new(ceilings: Ceilings) -> Self {
         Self {
             ceilings,
-            seen: [Seen::default(); 256],
-            asked_rad: Vec::new(),
+            tracks: Vec::new(),
+            orders: Vec::new(),
+            changes: 0,
+            tabled: Vec::new(),
             offsets_rad: vec![0.0],
-            to_servos: Vec::new(),
-            to_board: Vec::new(),
-            reads: [0; 256],
+            latched_ns: None,
+            fallen_back_ns: Some(0),
+            looked_ns: 0,
             verdict: Verdict::default(),
         }
     }
 
-    /// This joint angle is requested: a motion to it has a cause, whatever becomes of it.
-    pub fn on_asked(&mut self, angle_rad: f32) {
-        if !self.asked_rad.contains(&angle_rad) {
-            self.asked_rad.push(angle_rad);
+    /// Some table has this joint angle for the servo of this index.
+    pub fn on_tabled(&mut self, index: u8, angle_rad: f32) {
+        if !self.tabled.contains(&(index, angle_rad)) {
+            self.tabled.push((index, angle_rad));
+            self.changes += 1;
         }
     }
 
@@ -79,67 +154,301 @@ impl Servos {
     pub fn on_offset(&mut self, offset_rad: f32) {
         if !self.offsets_rad.contains(&offset_rad) {
             self.offsets_rad.push(offset_rad);
+            self.changes += 1;
         }
     }
 
-    /// Whether a goal is a requested joint angle, with an offset that was set.
-    fn is_asked(&self, goal: i16) -> bool {
-        let step = |shaft_rad: f32| (shaft_rad * (4096.0 / std::f32::consts::TAU) + 2048.5).clamp(0.0, 4095.0) as i16;
-        let near = |shaft_rad: f32| step(shaft_rad).abs_diff(goal) <= GOAL_STEPS;
-        self.asked_rad.iter().any(|angle| self.offsets_rad.iter().any(|offset| near(angle + offset)))
+    /// An order arrives, on a connection that is open or as text. In the safe state it is none.
+    pub fn on_order(&mut self, now_ns: u64, wish: Wish) {
+        if self.latched_ns.is_none() {
+            self.fallen_back_ns = None;
+            self.orders.retain(|order| order.wish != wish);
+            self.orders.push(Order { at_ns: now_ns, wish });
+            self.changes += 1;
+        }
+    }
+
+    /// Orders that came before this time explain nothing any more: a stop or a fault came.
+    pub fn end_orders(&mut self, before_ns: u64) {
+        self.orders.retain(|order| order.at_ns >= before_ns);
+        self.changes += 1;
+    }
+
+    /// The safe state is latched, since then.
+    pub fn on_latched(&mut self, now_ns: u64) {
+        self.end_orders(u64::MAX);
+        self.latched_ns = self.latched_ns.or(Some(now_ns));
+    }
+
+    /// Whether the safe state is latched, as far as the judge knows.
+    pub fn is_latched(&self) -> bool {
+        self.latched_ns.is_some()
+    }
+
+    /// Somebody asks for the safe state to be left.
+    pub fn on_cleared(&mut self) {
+        self.latched_ns = None;
     }
 
     /// The firmware starts again and knows no position.
-    pub fn on_start(&mut self) {
-        for seen in &mut self.seen {
-            *seen = Seen { goal: seen.goal, ..Seen::default() };
+    pub fn on_start(&mut self, now_ns: u64) {
+        self.end_orders(u64::MAX);
+        (self.latched_ns, self.fallen_back_ns) = (None, Some(now_ns));
+        for track in &mut self.tracks {
+            track.motion = Motion::Stopping(now_ns);
+            (track.answered_ns, track.overloaded_ns, track.moved_ns) = (None, None, None);
+            track.excused_ns = now_ns + (START_MS - HOLD_MS) * MS;
+            track.driven_ns = track.last.has_torque.then_some(now_ns);
         }
-        self.to_servos.clear();
-        self.to_board.clear();
     }
 
-    /// Whether a driven servo is on its way to a goal: its address and how far it has to go, steps.
-    pub fn moving(&self) -> Option<(u8, u16)> {
-        self.ceilings.servos.iter().find_map(|servo| {
-            let seen = &self.seen[usize::from(servo.id)];
-            let away = seen.goal?.abs_diff(seen.present?);
-            (seen.driven_ns.is_some() && away > HOLD_STEPS).then_some((servo.id, away))
+    /// Whether an order in force explains this goal of the servo of this index.
+    fn is_ordered(&self, index: usize, goal: f32) -> bool {
+        let near = |angle_rad: &f32| {
+            let step = |offset: &f32| ((angle_rad + offset) * STEPS_PER_RAD + 2048.0).clamp(0.0, 4095.0);
+            self.offsets_rad.iter().any(|offset| (step(offset) - goal).abs() <= GOAL_STEPS)
+        };
+        self.orders.iter().any(|order| match order.wish {
+            Wish::Angle(servo, angle_rad) => usize::from(servo) == index && near(&angle_rad),
+            Wish::Table => self.tabled.iter().any(|(servo, angle_rad)| usize::from(*servo) == index && near(angle_rad)),
         })
     }
 
-    /// Address, goal and position of each driven servo.
-    pub fn goals(&self) -> Vec<(u8, i16, i16)> {
-        let of = |servo: &ServoCeiling| {
-            let Seen { goal, present, driven_ns, .. } = self.seen[usize::from(servo.id)];
-            Some((servo.id, driven_ns.and(goal)?, present?))
-        };
-        self.ceilings.servos.iter().filter_map(of).collect()
+    /// The end of a tick.
+    pub fn look(&mut self, now_ns: u64, is_powered: bool, joints: impl Iterator<Item = Joint>) {
+        let span_ns = now_ns.saturating_sub(self.looked_ns);
+        self.looked_ns = now_ns;
+        for (index, joint) in joints.enumerate() {
+            let Some(track) = self.tracks.get(index).copied() else {
+                let motion = Motion::Resting(joint.step);
+                self.tracks.push(Track {
+                    last: joint,
+                    motion,
+                    answered_ns: None,
+                    driven_ns: None,
+                    excused_ns: 0,
+                    overloaded_ns: None,
+                    moved_ns: None,
+                    explained: None,
+                });
+                continue;
+            };
+            let track = self.follow(now_ns, span_ns, index, &joint, track, is_powered);
+            self.tracks[index] = track;
+        }
     }
 
-    /// Nothing but a calibration came since the servos had these goals: each keeps its goal or holds where it was.
-    pub fn on_calibrated(&mut self, now_ns: u64, before: &[(u8, i16, i16)]) {
-        for (id, goal, _) in self.goals() {
-            let Some(&(_, old_goal, present)) = before.iter().find(|before| before.0 == id) else { continue };
-            if goal != old_goal && goal.abs_diff(present) > HOLD_STEPS {
-                self.verdict.note(JUDGE, "calibration-moves", now_ns, || {
-                    format!("a calibration sent servo {id} from step {present} to step {goal}")
+    /// One servo from the last tick to this one.
+    fn follow(
+        &mut self,
+        now_ns: u64,
+        span_ns: u64,
+        index: usize,
+        joint: &Joint,
+        mut track: Track,
+        is_powered: bool,
+    ) -> Track {
+        let (id, before) = (joint.id, track.last);
+        track.last = *joint;
+        if joint.answers != before.answers {
+            track.answered_ns = Some(now_ns);
+        }
+        if !joint.is_heard || !is_powered {
+            track.excused_ns = track.excused_ns.max(now_ns);
+        }
+        let gets_torque = joint.has_torque && !before.has_torque;
+        if !joint.has_torque {
+            track.driven_ns = None;
+        } else if gets_torque {
+            track.driven_ns = Some(now_ns);
+        }
+        if joint.goal != before.goal {
+            track.explained = None;
+        }
+        let Some(servo) = self.ceiling(id) else {
+            if joint.has_torque {
+                self.verdict.note(JUDGE, "servo-wiring", now_ns, || format!("servo {id} has torque and is not wired"));
+            }
+            return track;
+        };
+        let turned = joint.step - before.step;
+        if joint.has_torque {
+            self.check_limits(now_ns, span_ns, joint, turned, &servo);
+            let is_new = gets_torque || joint.goal != before.goal;
+            if is_new && track.answered_ns.is_none() && is_powered {
+                self.verdict.note(JUDGE, "torque-unseen", now_ns, || {
+                    format!("servo {id} is driven, and it has never answered since the start")
+                });
+            }
+            if is_new {
+                self.check_goal(now_ns, index, joint, &servo);
+            }
+        }
+        if turned.abs() > REST_STEPS {
+            track.moved_ns = Some(now_ns);
+        }
+        if is_powered {
+            self.check_rest(now_ns, index, &mut track, turned);
+            self.check_fallback(now_ns, &track, &servo);
+            self.check_overload(now_ns, &mut track, turned);
+        } else {
+            track.motion = Motion::Stopping(now_ns);
+        }
+        track
+    }
+
+    fn ceiling(&self, id: u8) -> Option<ServoCeiling> {
+        self.ceilings.servos.iter().copied().find(|servo| servo.id == id)
+    }
+
+    /// What holds in every state: range, speed and torque.
+    fn check_limits(&mut self, now_ns: u64, span_ns: u64, joint: &Joint, turned: f32, servo: &ServoCeiling) {
+        let Joint { id, step, torque_limit, .. } = *joint;
+        let (min, max) = (f32::from(servo.min_step), f32::from(servo.max_step));
+        let beyond = (min - step).max(step - max);
+        // Where it was out of its range before, it may come back.
+        let leaves = if step < min { turned < -REST_STEPS } else { turned > REST_STEPS };
+        if beyond > RANGE_STEPS && leaves {
+            self.verdict.note(JUDGE, "servo-range", now_ns, || {
+                format!("servo {id} turns to step {step:.0}, allowed are {min} to {max}")
+            });
+        }
+        let allowed = f32::from(servo.max_steps_s) * 1e-9 * span_ns as f32;
+        if turned.abs() > allowed * 1.001 + REST_STEPS {
+            let speed = turned.abs() / (1e-9 * span_ns as f32);
+            self.verdict.note(JUDGE, "servo-speed", now_ns, || {
+                format!("servo {id} turns at {speed:.0} steps/s, allowed are {}", servo.max_steps_s)
+            });
+        }
+        if torque_limit > servo.max_torque {
+            self.verdict.note(JUDGE, "servo-torque", now_ns, || {
+                format!(
+                    "servo {id} may bear {torque_limit} thousandths of its torque, allowed are {}",
+                    servo.max_torque
+                )
+            });
+        }
+    }
+
+    /// A goal that comes into force is one that an order explains, or the place where the shaft is.
+    fn check_goal(&mut self, now_ns: u64, index: usize, joint: &Joint, servo: &ServoCeiling) {
+        let Joint { id, goal, step, .. } = *joint;
+        let late = f32::from(servo.max_steps_s) * 1e-3 * READ_AGE_MS as f32;
+        if (goal - step).abs() > HOLD_STEPS + late && !self.is_ordered(index, goal) {
+            self.verdict.note(JUDGE, "unasked-goal", now_ns, || {
+                format!("servo {id} at step {step:.0} gets the goal {goal:.0}, which no order in force explains")
+            });
+        }
+    }
+
+    /// Without an order the shaft comes to rest, and stays there.
+    fn check_rest(&mut self, now_ns: u64, index: usize, track: &mut Track, turned: f32) {
+        let Joint { id, step, goal, has_torque, .. } = track.last;
+        let known = track.explained.filter(|(changes, _)| *changes == self.changes);
+        let (_, is_ordered) = known.unwrap_or_else(|| (self.changes, self.is_ordered(index, goal)));
+        track.explained = Some((self.changes, is_ordered));
+        if has_torque && is_ordered {
+            track.motion = Motion::Ordered;
+            return;
+        }
+        if track.motion == Motion::Ordered {
+            track.motion = Motion::Stopping(now_ns);
+        }
+        match track.motion {
+            Motion::Ordered => {}
+            Motion::Stopping(since_ns) => {
+                let from_ns = since_ns.max(track.excused_ns);
+                if turned.abs() <= REST_STEPS && now_ns > since_ns {
+                    track.motion = Motion::Resting(step);
+                } else if now_ns > from_ns + self.ceilings.true_ns(HOLD_MS) {
+                    track.motion = Motion::Resting(step);
+                    self.verdict.note(JUDGE, "unasked-motion", now_ns, || {
+                        let ms = (now_ns - from_ns) / MS;
+                        format!("servo {id} still turns {ms} ms after the last order ended, to step {goal:.0}")
+                    });
+                }
+            }
+            Motion::Resting(at) => {
+                if (step - at).abs() > HOLD_STEPS {
+                    track.motion = Motion::Stopping(now_ns);
+                    self.verdict.note(JUDGE, "unasked-motion", now_ns, || {
+                        format!("servo {id} came to rest at step {at:.0} and is at {step:.0}; no order explains that")
+                    });
+                }
+            }
+        }
+    }
+
+    /// In the safe state, and after a start, a servo that the profile releases has no torque.
+    fn check_fallback(&mut self, now_ns: u64, track: &Track, servo: &ServoCeiling) {
+        let Some(since_ns) = self.latched_ns.or(self.fallen_back_ns).filter(|_| servo.is_released) else { return };
+        let from_ns = since_ns.max(track.excused_ns);
+        if track.last.has_torque && now_ns > from_ns + self.ceilings.true_ns(HOLD_MS) {
+            let (id, ms) = (servo.id, (now_ns - from_ns) / MS);
+            self.verdict.note(JUDGE, "servo-release", now_ns, || {
+                format!("servo {id} has torque {ms} ms after a fault or a start, and the profile releases it")
+            });
+        }
+    }
+
+    fn check_overload(&mut self, now_ns: u64, track: &mut Track, turned: f32) {
+        let is_driven = track.last.is_overloaded && track.last.is_heard && turned.abs() > REST_STEPS;
+        track.overloaded_ns = if is_driven { track.overloaded_ns.or(Some(now_ns)) } else { None };
+        let Some(since_ns) = track.overloaded_ns.map(|since_ns| since_ns.max(track.excused_ns)) else { return };
+        if now_ns > since_ns + self.ceilings.true_ns(OVERLOAD_MS) {
+            let (id, ms) = (track.last.id, (now_ns - since_ns) / MS);
+            self.verdict.note(JUDGE, "servo-overload", now_ns, || {
+                format!("servo {id} turns on, {ms} ms after it first reported an overload")
+            });
+        }
+    }
+
+    /// The board reports a fault at this true time, and nobody has cleared it since: what the servos have done.
+    pub fn on_fault(&mut self, now_ns: u64, fault_ns: u64) {
+        for index in 0..self.tracks.len() {
+            let track = self.tracks[index];
+            let limit_ns = fault_ns.max(track.excused_ns) + self.ceilings.true_ns(HOLD_MS);
+            let id = track.last.id;
+            if now_ns <= limit_ns {
+                continue;
+            }
+            if track.moved_ns.is_some_and(|moved_ns| moved_ns > limit_ns) {
+                self.verdict.note(JUDGE, "fault-motion", now_ns, || {
+                    format!("servo {id} turned more than {HOLD_MS} ms after a fault that the board reports")
+                });
+            }
+            let is_released = self.ceiling(id).is_some_and(|servo| servo.is_released);
+            if is_released && track.last.has_torque {
+                self.verdict.note(JUDGE, "servo-release", now_ns, || {
+                    format!("servo {id} has torque after a fault that the board reports, and the profile releases it")
                 });
             }
         }
     }
 
-    /// Bytes on the bus.
-    pub fn on_bytes(&mut self, now_ns: u64, to_servos: bool, bytes: &[u8]) {
-        let pending = if to_servos { &mut self.to_servos } else { &mut self.to_board };
-        pending.extend(bytes);
-        while let Some(packet) = next_packet(if to_servos { &mut self.to_servos } else { &mut self.to_board }) {
-            match packet.code {
-                WRITE if to_servos => self.on_write(now_ns, &packet),
-                READ if to_servos => {
-                    self.reads[usize::from(packet.id)] = packet.parameters.first().copied().unwrap_or(0)
-                }
-                _ if to_servos => {}
-                _ => self.on_answer(now_ns, &packet),
+    /// Whether a servo turns on an order that a stop has ended: its address and how far it has to go, steps.
+    pub fn moving(&self) -> Option<(u8, u16)> {
+        let turns = |track: &&Track| {
+            let away = (track.last.goal - track.last.step).abs();
+            let is_free = track.last.has_torque && !track.last.is_blocked;
+            is_free && track.moved_ns == Some(self.looked_ns) && away > HOLD_STEPS
+        };
+        self.tracks.iter().find(turns).map(|track| (track.last.id, (track.last.goal - track.last.step).abs() as u16))
+    }
+
+    /// Where the shafts are.
+    pub fn steps(&self) -> Vec<f32> {
+        self.tracks.iter().map(|track| track.last.step).collect()
+    }
+
+    /// A calibration was confirmed that began when the shafts were there, and nothing else came: none has turned.
+    pub fn on_calibrated(&mut self, now_ns: u64, before: &[f32]) {
+        for (track, before) in self.tracks.iter().zip(before) {
+            let (id, step) = (track.last.id, track.last.step);
+            if (step - before).abs() > HOLD_STEPS {
+                self.verdict.note(JUDGE, "calibration-moves", now_ns, || {
+                    format!("a calibration let servo {id} turn from step {before:.0} to step {step:.0}")
+                });
             }
         }
     }
@@ -147,28 +456,41 @@ impl Servos {
     /// For this time the flash lets nothing run, so that no servo is asked: it does not count as silence, and nobody would see
     /// what a servo does that is on its way.
     pub fn on_pause(&mut self, now_ns: u64, span_ns: u64) {
-        if let Some((id, steps)) = self.moving().filter(|(_, steps)| *steps > UNDER_WAY_STEPS) {
-            self.verdict.note(JUDGE, "flash-under-motion", now_ns, || {
-                format!("servo {id} is {steps} steps from its goal while the flash lets no control tick run")
-            });
+        for track in &mut self.tracks {
+            let Joint { id, goal, step, has_torque, is_blocked, .. } = track.last;
+            let away = (goal - step).abs();
+            let is_excused = now_ns < track.excused_ns + WRITE_ANYWAY_MS * MS;
+            if has_torque && !is_blocked && away > UNDER_WAY_STEPS && !is_excused {
+                self.verdict.note(JUDGE, "flash-under-motion", now_ns, || {
+                    format!("servo {id} is {away:.0} steps from its goal while the flash lets no control tick run")
+                });
+            }
+            track.answered_ns = track.answered_ns.map(|at_ns| at_ns + span_ns);
+            track.excused_ns = track.excused_ns.max(now_ns);
         }
-        for seen in &mut self.seen {
-            seen.answered_ns = seen.answered_ns.map(|at_ns| at_ns + span_ns);
-        }
+    }
+
+    /// Whether a servo with an answer since the start has been silent for longer than it may: its index.
+    pub fn silent(&self, now_ns: u64) -> Option<usize> {
+        self.tracks.iter().position(|track| {
+            let Some(ServoCeiling { timeout_ms, .. }) = self.ceiling(track.last.id) else { return false };
+            let allowed_ns = self.ceilings.true_ns(u64::from(timeout_ms) + NOTICE_MS);
+            track.answered_ns.is_some_and(|at_ns| now_ns.saturating_sub(at_ns) > allowed_ns)
+        })
     }
 
     /// The end of a tick in which any line was on: a driven servo that has fallen silent must have been noticed.
     pub fn on_lines_on(&mut self, now_ns: u64) {
-        for index in 0..self.ceilings.servos.len() {
-            let ServoCeiling { id, timeout_ms, .. } = self.ceilings.servos[index];
-            let Seen { answered_ns: Some(answered_ns), driven_ns: Some(driven_ns), .. } = self.seen[usize::from(id)]
+        for index in 0..self.tracks.len() {
+            let Track { answered_ns: Some(answered_ns), driven_ns: Some(driven_ns), last, .. } = self.tracks[index]
             else {
                 continue;
             };
-            let silent_ns = now_ns - answered_ns.max(driven_ns);
+            let Some(ServoCeiling { id, timeout_ms, .. }) = self.ceiling(last.id) else { continue };
+            let silent_ns = now_ns.saturating_sub(answered_ns.max(driven_ns));
             if silent_ns > self.ceilings.true_ns(u64::from(timeout_ms) + NOTICE_MS) {
                 self.verdict.note(JUDGE, "servo-silence", now_ns, || {
-                    format!("servo {id} is driven and silent for {} ms and lines are on", silent_ns / 1_000_000)
+                    format!("servo {id} is driven and silent for {} ms and lines are on", silent_ns / MS)
                 });
             }
         }
@@ -178,193 +500,7 @@ impl Servos {
     pub fn finish(self) -> Verdict {
         self.verdict
     }
-
-    fn on_answer(&mut self, now_ns: u64, packet: &Packet) {
-        let seen = &mut self.seen[usize::from(packet.id)];
-        seen.answered_ns = Some(now_ns);
-        if let (PRESENT, [low, high, ..]) = (self.reads[usize::from(packet.id)], packet.parameters.as_slice()) {
-            seen.present = Some(position([*low, *high]));
-        }
-    }
-
-    fn on_write(&mut self, now_ns: u64, packet: &Packet) {
-        let register = |at: u8| {
-            let (first, values) = packet.parameters.split_first()?;
-            values.get(usize::from(at.checked_sub(*first)?)).copied()
-        };
-        let pair = |at: u8| Some([register(at)?, register(at + 1)?]);
-        let seen = &mut self.seen[usize::from(packet.id)];
-        match register(TORQUE) {
-            Some(0) => seen.driven_ns = None,
-            Some(_) => seen.driven_ns = Some(seen.driven_ns.unwrap_or(now_ns)),
-            None => {}
-        }
-        seen.goal = pair(GOAL).map(position).or(seen.goal);
-        let seen = *seen;
-        let id = packet.id;
-        if register(TORQUE).is_some_and(|torque| torque != 0) && seen.present.is_none() {
-            self.verdict.note(JUDGE, "torque-unseen", now_ns, || {
-                format!("servo {id} gets torque and its position was never read")
-            });
-        }
-        if let Some(goal) = pair(GOAL).map(position) {
-            self.check_goal(now_ns, id, goal, &seen);
-        }
-        if let Some(speed) = pair(SPEED).map(u16::from_le_bytes) {
-            self.check_speed(now_ns, id, speed);
-        }
-    }
-
-    fn ceiling(&self, id: u8) -> Option<ServoCeiling> {
-        self.ceilings.servos.iter().copied().find(|servo| servo.id == id)
-    }
-
-    fn check_goal(&mut self, now_ns: u64, id: u8, goal: i16, seen: &Seen) {
-        match self.ceiling(id) {
-            None => {
-                self.verdict.note(JUDGE, "servo-wiring", now_ns, || format!("servo {id} is driven and does not exist"))
-            }
-            Some(servo) if !(servo.min_step..=servo.max_step).contains(&goal) => {
-                let (min, max) = (servo.min_step, servo.max_step);
-                self.verdict.note(JUDGE, "servo-range", now_ns, || {
-                    format!("servo {id} is sent to step {goal}, allowed are {min} to {max}")
-                });
-            }
-            Some(_) => {}
-        }
-        let holds = seen.present.is_some_and(|present| present.abs_diff(goal) <= HOLD_STEPS);
-        if !holds && !self.is_asked(goal) {
-            self.verdict.note(JUDGE, "unasked-goal", now_ns, || {
-                format!("servo {id} is sent to step {goal}, which nobody requested; it was seen at {:?}", seen.present)
-            });
-        }
-    }
-
-    fn check_speed(&mut self, now_ns: u64, id: u8, speed: u16) {
-        let Some(servo) = self.ceiling(id) else { return };
-        // 0 means the servo's own largest speed.
-        if speed == 0 || speed > servo.max_steps_s {
-            let max = servo.max_steps_s;
-            self.verdict.note(JUDGE, "servo-speed", now_ns, || {
-                format!("servo {id} is sent at {speed} steps/s, allowed are 1 to {max}")
-            });
-        }
-    }
-}
-
-/// Takes the first valid packet out; bytes that begin none are dropped.
-fn next_packet(bytes: &mut Vec<u8>) -> Option<Packet> {
-    loop {
-        let start = bytes.windows(2).position(|pair| pair == [0xff, 0xff]);
-        bytes.drain(..start.unwrap_or(bytes.len().saturating_sub(1)));
-        let (&id, &n) = (bytes.get(2)?, bytes.get(3)?);
-        let end = 4 + usize::from(n);
-        let plausible = id != 0xff && (2..=30).contains(&n);
-        if plausible && bytes.len() < end {
-            return None;
-        }
-        let sum = plausible.then(|| bytes[2..end - 1].iter().fold(0u8, |sum, byte| sum.wrapping_add(*byte)));
-        if sum.is_none_or(|sum| !sum != bytes[end - 1]) {
-            bytes.drain(..1);
-            continue;
-        }
-        let packet = Packet { id, code: bytes[4], parameters: bytes[5..end - 1].to_vec() };
-        bytes.drain(..end);
-        return Some(packet);
-    }
-}
-
-/// A position register: its sign is the highest bit.
-fn position(register: [u8; 2]) -> i16 {
-    let register = u16::from_le_bytes(register);
-    let steps = (register & 0x7fff) as i16;
-    if register >> 15 == 1 { -steps } else { steps }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::super::{Ceilings, ServoCeiling};
-    use super::Servos;
-
-    fn packet(id: u8, code: u8, parameters: &[u8]) -> Vec<u8> {
-        let body: Vec<u8> = [&[id, parameters.len() as u8 + 2, code], parameters].concat();
-        let sum = !body.iter().fold(0u8, |sum, byte| sum.wrapping_add(*byte));
-        [&[0xff, 0xff], body.as_slice(), &[sum]].concat()
-    }
-
-    fn goal(step: u16, speed: u16) -> Vec<u8> {
-        let ([p0, p1], [s0, s1]) = (step.to_le_bytes(), speed.to_le_bytes());
-        packet(1, 3, &[40, 1, 0, p0, p1, 0, 0, s0, s1, 100, 0])
-    }
-
-    /// The judge of one servo.
-    fn judge() -> Servos {
-        let servos = vec![ServoCeiling { id: 1, min_step: 1000, max_step: 3000, max_steps_s: 500, timeout_ms: 100 }];
-        Servos::new(Ceilings { lines: [None; 64], servos, new_loads: 1, budget_ms: 10, refresh_ms: 100, clock_ppm: 0 })
-    }
-
-    /// A servo that was seen at a register of position and is sent somewhere.
-    fn rules(seen: Option<u16>, asked_rad: f32, step: u16, speed: u16) -> Vec<&'static str> {
-        let mut judge = judge();
-        judge.on_asked(asked_rad);
-        judge.on_bytes(0, true, &packet(1, 2, &[56, 6]));
-        if let Some([low, high]) = seen.map(u16::to_le_bytes) {
-            judge.on_bytes(1, false, &packet(1, 0, &[low, high, 0, 0, 0, 0]));
-        }
-        judge.on_bytes(2, true, &goal(step, speed));
-        judge.finish().firsts().iter().map(|(first, _)| first.rule).collect()
-    }
-
-    #[test]
-    fn each_rule_is_seen_and_only_where_it_is_broken() {
-        const MIDDLE: Option<u16> = Some(2048);
-        assert!(rules(MIDDLE, 0.0, 2050, 500).is_empty());
-        assert!(rules(MIDDLE, 1.0, 2048 + 652, 1).is_empty());
-        assert_eq!(rules(None, 0.0, 2048, 500), ["torque-unseen"]);
-        assert_eq!(rules(MIDDLE, 2.0, 2048 + 1304, 500), ["servo-range"]);
-        assert_eq!(rules(MIDDLE, 0.0, 2500, 500), ["unasked-goal"]);
-        assert_eq!(rules(Some(2500), 0.0, 2500, 500), [] as [&str; 0], "it holds");
-        assert_eq!(rules(Some(2500 | 1 << 15), 0.0, 2500, 500), ["unasked-goal"], "seen at -2500");
-        assert_eq!(rules(MIDDLE, 0.0, 2048, 0), ["servo-speed"]);
-        assert_eq!(rules(MIDDLE, 0.0, 2048, 501), ["servo-speed"]);
-    }
-
-    #[test]
-    fn a_goal_that_a_calibration_changes_is_seen() {
-        for (after, broken) in [(2100, false), (2050, false), (2140, true)] {
-            let mut judge = judge();
-            judge.on_bytes(0, true, &packet(1, 2, &[56, 6]));
-            judge.on_bytes(0, false, &packet(1, 0, &[0, 8, 0, 0, 0, 0]));
-            judge.on_bytes(1, true, &goal(2100, 9));
-            let before = judge.goals();
-            judge.on_bytes(2, true, &goal(after, 9));
-            judge.on_calibrated(3, &before);
-            assert_eq!(judge.verdict.has("calibration-moves"), broken, "goal {after}");
-        }
-    }
-
-    #[test]
-    fn silence_of_a_driven_servo_is_seen() {
-        let mut judge = judge();
-        judge.on_bytes(0, true, &packet(1, 2, &[56, 6]));
-        judge.on_bytes(0, false, &packet(1, 0, &[0, 8, 0, 0, 0, 0]));
-        judge.on_bytes(0, true, &goal(2048, 9));
-        judge.on_pause(0, 45_000_000);
-        judge.on_lines_on(148_000_000);
-        assert!(!judge.verdict.has("servo-silence"), "a pause does not count");
-        judge.on_lines_on(148_000_001);
-        assert!(judge.verdict.has("servo-silence"));
-    }
-
-    #[test]
-    fn a_servo_on_its_way_while_the_flash_lets_nothing_run_is_seen() {
-        for (steps, broken) in [(60, false), (70, true)] {
-            let mut judge = judge();
-            judge.on_bytes(0, true, &packet(1, 2, &[56, 6]));
-            judge.on_bytes(0, false, &packet(1, 0, &[0, 8, 0, 0, 0, 0]));
-            judge.on_bytes(1, true, &goal(2048 + steps, 9));
-            judge.on_pause(2, 1_000_000);
-            assert_eq!(judge.verdict.has("flash-under-motion"), broken, "{steps} steps");
-        }
-    }
-}
+mod tests;

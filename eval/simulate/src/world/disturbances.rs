@@ -2,6 +2,7 @@
 
 use darm_arm::image::UploadImage;
 use darm_device::plant::Broken;
+use darm_device::plant::servo_bus::ServoFaults;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
@@ -16,18 +17,27 @@ pub(super) struct Active {
     pub(super) act: WorldAct,
     pub(super) end_ns: u64,
     pub(super) rng: ChaCha8Rng,
+    /// Which of several things it concerns.
+    pub(super) index: u32,
 }
+
+/// For this time what somebody else has sent may still be put in force, ns.
+const FOREIGN_NS: u64 = 3_000_000_000;
 
 impl World {
     pub(super) fn begin(&mut self, Timed { act, seed, .. }: Timed<WorldAct>) {
         let now_ns = self.now_ns();
+        let is_foreign = self.foreign_ns.is_some_and(|at_ns| at_ns + FOREIGN_NS > now_ns);
+        if matches!(act, WorldAct::Press(_)) && (is_foreign || self.has_jumper) {
+            return;
+        }
         self.say("world", || format!("{act:?}"));
         *self.injected.entry(act.kind()).or_default() += 1;
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         self.disturbed_ns = now_ns;
         if act.is_hostile() {
             self.hostile_ns = Some(now_ns);
-            self.burst_ns = None;
+            self.quiet_ns = None;
         }
         match act {
             WorldAct::PowerCut(_) => self.bench.power_off(),
@@ -44,13 +54,16 @@ impl World {
                 let link = if as_host { self.host_link } else { rng.random() };
                 if !as_host {
                     let hello = darm_core::wire::message::Request::Hello { protocol: darm_core::wire::PROTOCOL };
-                    self.bench.send(&hostile::request(link, rng.random(), &hello));
+                    let bytes = hostile::request(link, rng.random(), &hello);
+                    self.arrive(Party::Hostile, &bytes);
+                    self.bench.send(&bytes);
                 }
                 let likely = [self.wiring.actuators.len() as u64, self.wiring.coils.len() as u64];
                 (0..count).for_each(|_| self.send_hostile(hostile::any_frame(&mut rng, link, &likely)));
             }
             WorldAct::EmergencyStop(_) => {
                 self.pressed_ns = Some(now_ns);
+                self.pressed_ticks = self.pressed_ticks.min(0);
                 self.invert_switches(0);
             }
             WorldAct::Text => self.send_hostile(hostile::any_line(&mut rng)),
@@ -58,43 +71,83 @@ impl World {
             WorldAct::Burst => {
                 let sent = hostile::command_and_stop(&mut rng, self.wiring.coils.len() as u8);
                 self.send_hostile(sent);
-                self.burst_ns = Some(now_ns);
+                self.begin_quiet();
             }
+            WorldAct::ForeignTable(is_without) => {
+                let table = if is_without {
+                    hostile::tables::of_no_profile(&mut rng)
+                } else {
+                    hostile::tables::of_another_profile(&mut rng, &self.wiring)
+                };
+                // Nobody may ever see it loaded: the judge does not know it.
+                if let Some(table) = table {
+                    self.send_frames(&table.image, &mut rng);
+                }
+            }
+            WorldAct::WiderProfile => self.send_profile(&mut rng),
+            WorldAct::DamagedProfile(records) => self.damage_profile(records),
             _ => {}
         }
         let endless = matches!(act, WorldAct::FlashCut(..));
         let end_ns = if endless { u64::MAX } else { now_ns + u64::from(act.lasts_ms()) * 1_000_000 };
         if end_ns > now_ns {
-            self.active.push(Active { act, end_ns, rng });
+            let index = rng.random();
+            self.active.push(Active { act, end_ns, rng, index });
             self.break_plant();
         }
         self.observe();
     }
 
     fn send_hostile(&mut self, sent: Sent) {
-        sent.angles_rad.iter().for_each(|&angle| self.servos.on_asked(angle));
-        sent.offsets_rad.iter().for_each(|&offset| self.servos.on_offset(offset));
         self.say("hostile", || sent.what);
+        self.arrive(Party::Hostile, &sent.bytes);
         self.bench.send(&sent.bytes);
+    }
+
+    /// One bit of each copy of the record that names the profile, or of its image, turns; then the firmware starts again.
+    fn damage_profile(&mut self, records: bool) {
+        let (flash, profile) = (self.bench.flash().clone(), self.arm.profile());
+        let count = if records {
+            flash.damage_records(&self.profile.0)
+        } else {
+            flash.damage_profiles(profile.image().bytes())
+        };
+        self.say("world", || format!("{count} copies are damaged"));
+        if count > 0 {
+            self.person.on_lost();
+            self.reports.on_store_damaged();
+            self.has_own_table = false;
+        }
+        self.bench.reset();
+    }
+
+    /// A profile beyond the limits of the arm. With somebody at the button it would be taken.
+    fn send_profile(&mut self, rng: &mut ChaCha8Rng) {
+        if self.is_attended || self.person.is_present(self.now_ns()) {
+            return;
+        }
+        let wider = hostile::tables::wider_profile(rng, &self.wiring);
+        self.say("hostile", || "a wider profile".into());
+        self.send_frames(&wider, rng);
     }
 
     fn send_table(&mut self, rng: &mut ChaCha8Rng) {
         if rng.random_ratio(1, 4) {
-            let wider = hostile::tables::wider_profile(rng, &self.wiring);
-            self.say("hostile", || "a wider profile".into());
-            self.send_frames(&wider, rng);
+            self.send_profile(rng);
             return;
         }
         let Some(table) = hostile::tables::beyond(rng, &self.wiring, self.profile) else { return };
         self.reports.know(table.known());
         self.reports.on_upload(self.now_ns(), table.model, Ending::Unknown, &[]);
         self.commits.push((Party::Hostile, table.model, self.now_ns()));
-        table.angles_rad.iter().for_each(|&angle| self.servos.on_asked(angle));
+        table.angles_rad.iter().for_each(|&(servo, angle_rad)| self.servos.on_tabled(servo, angle_rad));
         self.send_frames(&table.image, rng);
     }
 
     fn send_frames(&mut self, upload: &UploadImage, rng: &mut ChaCha8Rng) {
+        (self.foreign_ns, self.has_own_table) = (Some(self.now_ns()), false);
         for frame in hostile::tables::frames(upload, rng.random(), rng.random()) {
+            self.arrive(Party::Hostile, &frame);
             self.bench.send(&frame);
         }
     }
@@ -166,21 +219,63 @@ impl World {
         }
     }
 
-    /// These servos answer nothing from now on, beside those that the script silences.
-    pub fn silence_servos(&mut self, servos: u8) {
-        self.silenced = servos;
+    /// The servos have these faults from now on, beside those of the script.
+    pub fn break_servos(&mut self, faults: ServoFaults) {
+        self.act_faults = faults;
         self.disturbed_ns = self.now_ns();
         self.break_plant();
     }
 
+    /// The host has somebody press the emergency stop, or release it.
+    pub fn press_emergency_stop(&mut self, is_pressed: bool) {
+        let now_ns = self.now_ns();
+        self.disturbed_ns = now_ns;
+        if is_pressed {
+            self.pressed_ns = self.pressed_ns.or(Some(now_ns));
+            self.pressed_ticks = self.pressed_ticks.min(0);
+        } else if !self.is_pressed() {
+            self.pressed_ns = None;
+        }
+        self.invert_switches(0);
+    }
+
+    /// The host has a person press the button, or release it. True when somebody does: not while a profile of somebody
+    /// else may still be on its way.
+    pub fn attend(&mut self, is_attended: bool) -> bool {
+        let is_free = self.foreign_ns.is_none_or(|at_ns| at_ns + FOREIGN_NS < self.now_ns());
+        self.is_attended = is_attended && is_free && !self.has_jumper;
+        self.is_attended
+    }
+
+    /// Whether something but the servos sends on their bus.
+    pub(super) fn is_bus_noisy(&self) -> bool {
+        self.active.iter().any(|active| matches!(active.act, WorldAct::BabblingBus(_)))
+    }
+
+    /// Whether a switch, an input or a valve is not what the arm says.
+    pub(super) fn has_broken_switches(&self) -> bool {
+        self.active.iter().any(|active| {
+            matches!(active.act, WorldAct::StuckSwitches(..) | WorldAct::BouncingSwitches(..) | WorldAct::DeadValve(_))
+        })
+    }
+
     fn break_plant(&mut self) {
-        let mut broken = Broken { servos_silent: self.silenced, ..Broken::default() };
+        let mut broken = Broken { servos: self.act_faults, ..Broken::default() };
         for active in &self.active {
             match active.act {
                 WorldAct::StuckSwitches(inputs, true, _) => broken.switches_closed |= inputs,
                 WorldAct::StuckSwitches(inputs, false, _) => broken.switches_open |= inputs,
-                WorldAct::SilentServos(servos, _) => broken.servos_silent |= servos,
-                WorldAct::BlockedServos(servos, _) => broken.servos_blocked |= servos,
+                WorldAct::SilentServos(servos, _) => broken.servos.silent |= servos,
+                WorldAct::BlockedServos(servos, _) => broken.servos.blocked |= servos,
+                WorldAct::DamagedServos(servos, _) => broken.servos.damaged |= servos,
+                WorldAct::DeafServos(servos, _) => broken.servos.deaf |= servos,
+                WorldAct::UnconfirmedServos(servos, _) => broken.servos.unconfirmed |= servos,
+                WorldAct::OverloadedServos(servos, _) => broken.servos.overloaded |= servos,
+                WorldAct::DeadValve(_) => {
+                    let wired = self.wiring.coils.get(active.index as usize % self.wiring.coils.len().max(1));
+                    let lines = wired.map_or((0, None), |coil| coil.drive.lines());
+                    broken.lines_low |= 1 << lines.0 | lines.1.map_or(0, |line| 1 << line);
+                }
                 _ => {}
             }
         }

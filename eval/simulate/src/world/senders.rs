@@ -1,10 +1,15 @@
 //! Who has sent what to the board, and what the judges conclude from it.
 
-use darm_core::wire::message::{REQUEST, Request};
+use darm_core::sequencer::{Command, Fault, FaultKind};
+use darm_core::wire::message::{ImageKind, REQUEST, Request};
 use darm_core::wire::{bootstrap, frame};
+use rand::SeedableRng as _;
+use rand_chacha::ChaCha8Rng;
 
 use super::World;
+use crate::hostile::{self, Sent};
 use crate::judge::reports::Ending;
+use crate::judge::servos::Wish;
 
 /// After a stop that came behind a command the lines are off within this time, ms of the board's clock.
 const STOP_MS: u64 = 3;
@@ -46,6 +51,7 @@ impl World {
         if self.has_other_acted_since(party, began_ns) {
             return;
         }
+        self.on_stop(began_ns);
         let (now_ns, lines) = (self.now_ns(), self.pins.high());
         let reachable = !at_once && self.is_undisturbed_since(began_ns);
         let moving = if reachable { self.servos.moving() } else { None };
@@ -54,31 +60,107 @@ impl World {
 
     /// What flash holds, for judge 2.
     pub fn judge_loaded(&mut self, asked_ns: u64, model: Option<u64>, rows: u16) {
+        if self.foreign_ns.is_none_or(|foreign_ns| foreign_ns < asked_ns) {
+            self.has_own_table = model.is_some_and(|model| self.own_models.contains(&model));
+        }
         let (now_ns, flash) = (self.now_ns(), self.bench.flash().clone());
         self.reports.on_loaded(now_ns, asked_ns, model, rows, |image| flash.holds(image));
         self.reports.on_overwrites(now_ns, flash.overwrites());
     }
 
+    /// A stop acts that was sent at this time at the latest: what came before it explains nothing any more.
+    pub fn on_stop(&mut self, sent_ns: u64) {
+        self.servos.end_orders(sent_ns);
+        self.ended_ns = self.ended_ns.max(sent_ns);
+    }
+
     /// A host sends bytes.
     pub(crate) fn on_sent(&mut self, party: Party, bytes: &[u8]) {
         self.trace.mix(bytes);
-        self.burst_ns = None;
-        let mut body = bytes.to_vec();
-        if let [0, encoded @ .., 0] = body.as_mut_slice()
-            && let Ok((header, payload)) = frame::decode(encoded)
-        {
-            self.on_frame(party, header, payload);
-        }
+        self.quiet_ns = None;
+        self.arrive(party, bytes);
         self.bench.send(bytes);
+    }
+
+    /// A host sends commands on a connection that a stop has ended: nothing may come of them.
+    pub fn send_commands_of_before(&mut self, link: u32, seed: u64) {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let Sent { bytes, what } = hostile::commands_of_before(&mut rng, link, &self.arm);
+        self.say("world", || what);
+        self.arrive(Party::Hostile, &bytes);
+        self.bench.send(&bytes);
+        let now_ns = self.now_ns();
+        self.quiet_ns = Some((now_ns, now_ns + 300_000_000));
+    }
+
+    /// A person types a line, which the line brings as it is.
+    pub fn type_line(&mut self, line: &str) {
+        self.say("world", || line.to_owned());
+        self.bench.send(format!("{line}\r").as_bytes());
+    }
+
+    /// A connection that a stop has ended, and that is not the one in use where there are others.
+    pub fn ended_link(&self, seed: u64) -> Option<u32> {
+        let newest = self.links.iter().rev().filter(|link| link.1 < self.ended_ns).take(6);
+        newest.map(|link| link.0).nth(seed as usize % 6).or(self
+            .links
+            .last()
+            .filter(|link| link.1 < self.ended_ns)
+            .map(|link| link.0))
+    }
+
+    /// The connection that a host used last.
+    pub fn host_link(&self) -> u32 {
+        self.host_link
+    }
+
+    /// Bytes come to the board: what they ask for.
+    pub(super) fn arrive(&mut self, party: Party, bytes: &[u8]) {
+        for piece in bytes.split(|byte| *byte == 0).filter(|piece| !piece.is_empty()) {
+            let mut body = piece.to_vec();
+            match frame::decode(&mut body) {
+                Ok((header, payload)) => self.on_frame(party, header, payload),
+                Err(_) => String::from_utf8_lossy(piece).split(['\r', '\n']).for_each(|line| self.on_line(line)),
+            }
+        }
+    }
+
+    /// Text needs no connection.
+    fn on_line(&mut self, line: &str) {
+        let now_ns = self.now_ns();
+        let words: Vec<&str> = line.split_whitespace().collect();
+        match words.as_slice() {
+            ["play"] => self.servos.on_order(now_ns, Wish::Table),
+            ["clear"] => self.on_cleared(),
+            ["servo", servo, angle_deg] => {
+                if let (Ok(servo), Ok(angle_deg)) = (servo.parse(), angle_deg.parse::<f32>()) {
+                    self.servos.on_order(now_ns, Wish::Angle(servo, angle_deg.to_radians()));
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn on_cleared(&mut self) {
+        self.cleared_ns = self.now_ns();
+        self.servos.on_cleared();
     }
 
     fn on_frame(&mut self, party: Party, header: frame::Header, payload: &[u8]) {
         let now_ns = self.now_ns();
+        let request = (header.tag == REQUEST).then(|| postcard::from_bytes::<Request<'_>>(payload).ok()).flatten();
+        if let Some(request) = &request {
+            self.on_request(header.link, request);
+        }
+        if party == Party::Hostile {
+            return;
+        }
         if header.link != 0 {
             self.host_link = header.link;
         }
-        let request = (header.tag == REQUEST).then(|| postcard::from_bytes::<Request<'_>>(payload).ok()).flatten();
-        if let Some(Request::Commit(image)) = request {
+        if let Some(Request::Commit(image)) = request
+            && image.kind == ImageKind::Table
+        {
             self.commits.push((party, image.model.0, now_ns));
             self.reports.on_upload(now_ns, image.model.0, Ending::Unknown, &[]);
         }
@@ -91,15 +173,58 @@ impl World {
         }
     }
 
-    /// Lines are on: none may be because of a command that a stop followed at once.
-    pub(super) fn judge_burst(&mut self) {
-        let Some(burst_ns) = self.burst_ns else { return };
-        let after_ns = self.bench.now_ns() - burst_ns;
-        if after_ns > QUIET_MS * 1_000_000 {
-            self.burst_ns = None;
-        } else if after_ns > STOP_MS * 1_020_000 {
-            self.reports.on_lines_after_burst(self.bench.now_ns(), after_ns, self.pins.high());
-            self.burst_ns = None;
+    /// What a request asks for, on a connection that may have ended.
+    fn on_request(&mut self, link: u32, request: &Request<'_>) {
+        let now_ns = self.now_ns();
+        let is_open = self.links.iter().any(|&(own, opened_ns)| own == link && opened_ns >= self.ended_ns);
+        match *request {
+            Request::Hello { .. } if self.links.iter().all(|(own, _)| *own != link) => self.links.push((link, now_ns)),
+            Request::Command(Command::Clear) => self.on_cleared(),
+            Request::Command(Command::Play) if is_open => self.servos.on_order(now_ns, Wish::Table),
+            Request::Command(Command::Servo { servo, angle_rad }) if is_open => {
+                self.servos.on_order(now_ns, Wish::Angle(servo, angle_rad));
+            }
+            Request::Calibrate(calibration) => {
+                calibration.offsets_rad().into_iter().for_each(|offset_rad| self.servos.on_offset(offset_rad));
+            }
+            Request::Commit(image) if image.kind == ImageKind::Profile => {
+                self.person.on_commit(now_ns, image.digest.0);
+            }
+            _ => {}
         }
+    }
+
+    /// The board reports a fault of its start at that time.
+    pub fn judge_fault_at(&mut self, fault: &Fault, started_ns: u64) {
+        let now_ns = self.now_ns();
+        let fault_ns = started_ns + self.pins.true_us_ns(fault.at.0);
+        if matches!(fault.kind, FaultKind::Switch { .. }) && self.has_own_table {
+            self.switches.on_fault(now_ns, fault_ns);
+        }
+        if self.cleared_ns < fault_ns {
+            self.servos.on_fault(now_ns, fault_ns);
+            self.servos.on_latched(now_ns);
+        }
+    }
+
+    /// Lines are on: none may be because of a command that a stop followed at once, or that came after a stop on a connection
+    /// from before it.
+    pub(super) fn judge_quiet(&mut self) {
+        let Some((from_ns, until_ns)) = self.quiet_ns else { return };
+        let now_ns = self.bench.now_ns();
+        let after_ns = now_ns - from_ns;
+        if now_ns > until_ns {
+            self.quiet_ns = None;
+        } else if after_ns > STOP_MS * 1_020_000 {
+            self.reports.on_lines_after_burst(now_ns, after_ns, self.pins.high());
+            self.quiet_ns = None;
+        }
+    }
+
+    /// A command and a stop have come in one piece.
+    pub(super) fn begin_quiet(&mut self) {
+        let now_ns = self.now_ns();
+        self.on_stop(now_ns + 1);
+        self.quiet_ns = Some((now_ns, now_ns + QUIET_MS * 1_000_000));
     }
 }

@@ -2,7 +2,7 @@
 
 use super::super::chain::{CLOCK, DATA, ENABLE};
 use super::LATCH;
-use super::{Ceilings, LineCeiling, MS, Pins};
+use super::{Ceilings, LatchCeiling, LineCeiling, MS, Pins};
 
 /// Line 3 carries full current for 20 ms.
 const PEAK_MS: [u32; 4] = [0, 0, 0, 20];
@@ -13,7 +13,8 @@ fn judge() -> Pins {
         |load| Some(LineCeiling { max_on_ms, duty_percent, window_ms, load, peak_ms: PEAK_MS[load as usize] });
     let mut lines = [None; 64];
     (0..4).for_each(|line| lines[line] = ceiling(line as u8));
-    Pins::new(Ceilings { lines, servos: Vec::new(), new_loads: 2, budget_ms: 10, refresh_ms: 10_000, clock_ppm: 0 })
+    let (latches, servos, new_loads, budget_ms) = (Vec::new(), Vec::new(), 2, 10);
+    Pins::new(Ceilings { lines, latches, servos, new_loads, budget_ms, refresh_ms: 10_000, clock_ppm: 0 })
 }
 
 fn set(judge: &mut Pins, at_ms: u64, lines: u64) {
@@ -113,4 +114,51 @@ fn a_line_that_stays_on_after_a_fault_is_seen() {
     assert!(!judge.verdict.has("safe-state"));
     judge.on_fault_report(100 * MS, 12_000);
     assert!(judge.verdict.has("safe-state"));
+}
+
+/// Lines 1 and 2 set and reset a latch by pulses of 20 ms.
+fn latch_rules(steps: &[(u64, u64)]) -> Vec<&'static str> {
+    let mut judge = judge();
+    judge.ceilings.latches = vec![LatchCeiling { set: 1, reset: 2, pulse_ms: 20 }];
+    steps.iter().for_each(|&(at_ms, lines)| set(&mut judge, at_ms, lines));
+    judge.finish(9_000 * MS).firsts().iter().map(|(first, _)| first.rule).collect()
+}
+
+#[test]
+fn a_pulse_that_is_too_long_and_both_lines_of_a_latch_are_seen() {
+    assert!(latch_rules(&[(0, 0), (10, 2), (33, 0), (500, 4), (523, 0)]).is_empty());
+    assert_eq!(latch_rules(&[(0, 0), (10, 2), (34, 0)]), ["latch-pulse"]);
+    assert_eq!(latch_rules(&[(0, 0), (10, 4), (50, 0)]), ["latch-pulse"]);
+    assert_eq!(latch_rules(&[(0, 0), (10, 2), (15, 6), (20, 0)]), ["latch-both"]);
+    assert!(latch_rules(&[(0, 0), (10, 2), (20, 4), (30, 0)]).is_empty(), "one after the other");
+}
+
+#[test]
+fn full_current_that_lasts_too_long_is_seen() {
+    assert!(rules(&[(0, 0), (10, 8), (33, 0)]).is_empty());
+    assert_eq!(rules(&[(0, 0), (10, 8), (34, 0)]), ["peak-length"]);
+}
+
+#[test]
+fn lines_in_a_safe_state_are_seen() {
+    let mut judge = judge();
+    judge.on_forbidden(MS, "safe-latched", "in the safe state");
+    assert!(!judge.verdict.has("safe-latched"));
+    set(&mut judge, 10, 1);
+    judge.on_forbidden(10 * MS, "safe-latched", "in the safe state");
+    assert!(judge.verdict.has("safe-latched"));
+}
+
+#[test]
+fn loads_count_over_a_reset() {
+    let mut judge = judge();
+    judge.ceilings.budget_ms = 1_000;
+    assert!(!judge.has_supply(500 * MS, 1), "just started");
+    set(&mut judge, 100, 1);
+    set(&mut judge, 110, 3);
+    judge.on_start(200 * MS, true);
+    set(&mut judge, 300, 0);
+    set(&mut judge, 900, 4);
+    assert!(judge.verdict.has("supply"));
+    assert!(judge.has_supply(9_000 * MS, 2));
 }

@@ -1,0 +1,167 @@
+//! Judge 1, the limit switches: what the mechanism shows against what the lines say.
+//!
+//! The judge takes the state of each actuator from the lines themselves: a coil is on while its line is high, a latch is set by
+//! the last line that went high. It sees the inputs as they are at the board's pins, whatever is broken before them.
+
+use super::{Ceilings, SwitchCeiling, Verdict};
+
+const JUDGE: &str = "pins";
+const MS: u64 = 1_000_000;
+/// A contradiction counts once it has been there for this time, and is acted on within it, in board time: contacts bounce for
+/// three ticks, the inputs are a tick old, and the lines follow a tick later.
+const NOTICE_MS: u64 = 6;
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Track {
+    /// Its digit as the lines say.
+    digit: u8,
+    /// Since when, while lines were on.
+    since_ns: Option<u64>,
+    /// Since when its switch contradicts that.
+    wrong_ns: Option<u64>,
+}
+
+/// The judge's memory.
+pub struct Switches {
+    ceilings: Ceilings,
+    actuators: Vec<SwitchCeiling>,
+    tracks: Vec<Track>,
+    lines: u64,
+    risen_ns: u64,
+    /// When something was wrong with an input, a switch or a valve last.
+    disturbed_ns: Option<u64>,
+    verdict: Verdict,
+}
+
+impl Switches {
+    /// Actuators at rest.
+    pub fn new(ceilings: Ceilings, actuators: Vec<SwitchCeiling>) -> Self {
+        let tracks = vec![Track::default(); actuators.len()];
+        let (lines, risen_ns, disturbed_ns) = (0, 0, None);
+        Self { ceilings, actuators, tracks, lines, risen_ns, disturbed_ns, verdict: Verdict::default() }
+    }
+
+    /// Something is wrong with an input, a switch or a valve now.
+    pub fn on_disturbed(&mut self, now_ns: u64) {
+        self.disturbed_ns = Some(now_ns);
+    }
+
+    /// The end of a tick: these lines are high, these inputs closed. `is_watched`: the loaded table names the switches.
+    pub fn look(&mut self, now_ns: u64, lines: u64, inputs: u32, is_watched: bool) {
+        let rising = lines & !self.lines;
+        if rising != 0 {
+            self.risen_ns = now_ns;
+        }
+        let was = std::mem::replace(&mut self.lines, lines);
+        let settled_ns = self.risen_ns + self.ceilings.true_ns(self.ceilings.budget_ms.into());
+        for (actuator, track) in self.actuators.iter().zip(&mut self.tracks) {
+            if lines == 0 {
+                // Nothing is expected of a switch while the board drives nothing.
+                (track.since_ns, track.wrong_ns) = (None, None);
+            }
+            let digit = digit(actuator, track.digit, lines, rising);
+            if digit != track.digit && lines != 0 {
+                // What a latch is reset to after a stop is no change for the board, which counts it as reset.
+                let has_set = digit & !track.digit != 0 || actuator.coils.iter().all(|coil| coil.1.is_none());
+                (track.since_ns, track.wrong_ns) = (has_set.then_some(now_ns), None);
+            }
+            track.digit = digit;
+            let is_closed = inputs >> actuator.input & 1 == 1;
+            let is_wrong = is_closed != (actuator.closed_in >> digit & 1 == 1);
+            let arrived_ns = track
+                .since_ns
+                .map(|since_ns| since_ns.max(settled_ns) + self.ceilings.true_ns(u64::from(actuator.travel_ms)));
+            let counts = is_watched && is_wrong && was != 0 && arrived_ns.is_some_and(|at_ns| now_ns >= at_ns);
+            track.wrong_ns = if counts { track.wrong_ns.or(Some(now_ns)) } else { None };
+            if track.wrong_ns.is_some_and(|wrong_ns| now_ns > wrong_ns + self.ceilings.true_ns(NOTICE_MS)) {
+                let (input, seen) = (actuator.input, if is_closed { "closed" } else { "open" });
+                self.verdict.note(JUDGE, "switch-ignored", now_ns, || {
+                    format!("lines {lines:#x} are on, and the switch at input {input} is {seen} in state {digit}")
+                });
+            }
+        }
+    }
+
+    /// The board reports at this true time that a switch contradicts.
+    pub fn on_fault(&mut self, now_ns: u64, fault_ns: u64) {
+        let longest_ms = self.actuators.iter().map(|actuator| actuator.travel_ms).max().unwrap_or(0);
+        let is_recent = |at_ns: u64| at_ns + u64::from(4 * longest_ms + 100) * MS > fault_ns;
+        let has_latch = self.actuators.iter().flat_map(|actuator| &actuator.coils).any(|coil| coil.1.is_some());
+        // The state of a latch whose pulse was cut is known to nobody.
+        if !has_latch && !self.disturbed_ns.is_some_and(is_recent) {
+            self.verdict.note(JUDGE, "switch-false", now_ns, || {
+                "the board reports that a switch contradicts, and each actuator moved as it was driven".to_owned()
+            });
+        }
+    }
+
+    /// The end of the run.
+    pub fn finish(self) -> Verdict {
+        self.verdict
+    }
+}
+
+/// The digit of an actuator by its lines.
+fn digit(actuator: &SwitchCeiling, before: u8, lines: u64, rising: u64) -> u8 {
+    let high = |mask: u64, line: u8| mask >> line & 1 == 1;
+    actuator.coils.iter().enumerate().fold(0, |digit, (bit, &(line, reset))| {
+        let is_on = match reset {
+            None => high(lines, line),
+            Some(_) if high(rising, line) => true,
+            Some(reset) if high(rising, reset) => false,
+            Some(_) => before >> bit & 1 == 1,
+        };
+        digit | u8::from(is_on) << bit
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Ceilings, SwitchCeiling};
+    use super::{MS, Switches};
+
+    fn judge(reset: Option<u8>) -> Switches {
+        let (lines, latches, servos) = ([None; 64], Vec::new(), Vec::new());
+        let ceilings = Ceilings { lines, latches, servos, new_loads: 1, budget_ms: 10, refresh_ms: 100, clock_ppm: 0 };
+        let actuator = SwitchCeiling { coils: vec![(0, reset)], input: 3, closed_in: 0b10, travel_ms: 50 };
+        Switches::new(ceilings, vec![actuator])
+    }
+
+    /// Whether it is broken after lines and inputs that stay for so many ms each.
+    fn is_ignored(mut judge: Switches, spans: &[(u64, u64, u32)]) -> bool {
+        let mut now_ms = 0;
+        for &(ms, lines, inputs) in spans {
+            for _ in 0..ms {
+                now_ms += 1;
+                judge.look(now_ms * MS, lines, inputs, true);
+            }
+        }
+        judge.finish().has("switch-ignored")
+    }
+
+    #[test]
+    fn a_switch_that_contradicts_while_lines_stay_on_is_seen() {
+        assert!(!is_ignored(judge(None), &[(10, 0, 0), (40, 1, 0), (900, 1, 8)]));
+        assert!(!is_ignored(judge(None), &[(10, 0, 0), (66, 1, 0), (900, 0, 0)]), "off in time");
+        assert!(is_ignored(judge(None), &[(10, 0, 0), (70, 1, 0)]));
+        assert!(is_ignored(judge(None), &[(10, 0, 0), (40, 1, 0), (100, 1, 8), (9, 1, 0)]), "it left its stop");
+        assert!(!is_ignored(judge(None), &[(10, 0, 0), (40, 1, 0), (100, 1, 8), (3, 1, 0), (9, 1, 8)]), "it bounced");
+    }
+
+    #[test]
+    fn a_latch_keeps_its_state_without_current() {
+        assert!(is_ignored(judge(Some(1)), &[(10, 0, 0), (20, 0b101, 0), (60, 0b100, 0)]));
+        assert!(!is_ignored(judge(Some(1)), &[(10, 0, 0), (20, 0b101, 0), (20, 0b100, 0), (60, 0b100, 8)]));
+        assert!(!is_ignored(judge(Some(1)), &[(10, 0, 0), (20, 1, 0), (60, 0, 0)]), "nothing is driven");
+    }
+
+    #[test]
+    fn a_contradiction_that_nothing_explains_is_a_false_one() {
+        for (disturbed_ms, is_false) in [(None, true), (Some(100), true), (Some(900), false)] {
+            let mut judge = judge(None);
+            disturbed_ms.into_iter().for_each(|ms: u64| judge.on_disturbed(ms * MS));
+            judge.on_fault(2_000 * MS, 1_000 * MS);
+            assert_eq!(judge.finish().has("switch-false"), is_false, "{disturbed_ms:?}");
+        }
+    }
+}
