@@ -298,7 +298,9 @@ impl World {
         }
         let broken = self.bench.plant().broken();
         let ServoFaults { silent, mute, deaf, unconfirmed, damaged, .. } = broken.servos;
-        let (unheard, is_noisy) = (silent | mute | deaf | unconfirmed | damaged, self.is_bus_noisy());
+        // A board that has lost its profile knows no servo: it can stop none.
+        let is_noisy = self.is_bus_noisy() || self.person.is_lost();
+        let unheard = silent | mute | deaf | unconfirmed | damaged;
         let overloaded = broken.servos.overloaded;
         let joint = |(index, state): (usize, ServoState)| {
             let has = |mask: u8| mask >> index & 1 == 1;

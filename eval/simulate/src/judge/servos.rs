@@ -284,7 +284,8 @@ impl Servos {
                 self.check_goal(now_ns, index, joint, &servo);
             }
         }
-        if turned.abs() > REST_STEPS {
+        // One that rests may bend a little, as when what had blocked it goes away.
+        if turned.abs() > REST_STEPS && !matches!(track.motion, Motion::Resting(_)) {
             track.moved_ns = Some(now_ns);
         }
         if is_powered {
