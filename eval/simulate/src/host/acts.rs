@@ -290,6 +290,7 @@ impl Host<'_> {
             self.command("clear", Command::Clear);
         } else {
             world::with(|world| world.judge_stopped(Party::First, began_ns, false));
+            self.renew();
         }
         world::pass(2 * SETTLE_MS);
     }
