@@ -292,3 +292,20 @@ fn servo(seen: &ServoSeen) -> ServoView {
         has_answered: seen.answered.is_some(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{allowed_s, left_s};
+    use darm_core::output::CoilLimit;
+
+    /// A latch of 8 s on, 50 % of 1200 s: the page promised 600 s until the board latched the safe state after 8 s.
+    #[test]
+    fn an_output_may_be_on_for_what_is_left_of_its_pulse_or_of_its_window() {
+        let limit = CoilLimit { max_on_ms: 8_000, duty_percent: 50, window_ms: 1_200_000 };
+        assert_eq!(allowed_s(&limit), 8.0);
+        assert_eq!(left_s(600.0, 8.0, None), 8.0);
+        assert_eq!(left_s(600.0, 8.0, Some(7.5)), 0.5);
+        assert_eq!(left_s(600.0, 8.0, Some(9.0)), 0.0);
+        assert_eq!(left_s(2.0, 8.0, Some(1.0)), 2.0);
+    }
+}
