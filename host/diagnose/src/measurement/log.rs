@@ -101,8 +101,10 @@ fn table(log: &Log, limits: &Limits) -> Result<Vec<u8>, LogError> {
         }
         let none = LogError::Message { topic: topic.clone(), number: number + 1 };
         // Before they are parsed: a value takes up to 100 times its text.
-        n_values += max_values(&message.data);
-        if n_values > limits.cells {
+        let own = max_values(&message.data);
+        n_values += own;
+        // A key and its value are counted twice; columns are looked up one by one.
+        if n_values > limits.cells || own > 4 * limits.columns {
             return Err(LogError::TooLarge(limits.too_many_cells()));
         }
         let Ok(Value::Object(object)) = serde_json::from_slice(&message.data) else { return Err(none) };

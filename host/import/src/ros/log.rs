@@ -82,7 +82,9 @@ fn add(log: &Log, topics: &mut BTreeMap<String, Topic>, limits: &Limits) -> Resu
             "cdr" if message::is_known(&channel.schema) => 1 + message.data.len() / 8,
             _ => 1,
         };
-        if n_values > limits.cells || !limits.has_room_for(topic.rows.len(), topic.names.len()) {
+        // A key and its value are counted twice; columns are looked up one by one.
+        let is_wide = channel.encoding == "json" && max_values(&message.data) > 4 * limits.columns;
+        if n_values > limits.cells || is_wide || !limits.has_room_for(topic.rows.len(), topic.names.len()) {
             return Err(Fault::of_file(limits.too_many_cells()));
         }
         let log_ns = i64::try_from(message.log_time).unwrap_or(i64::MAX);
