@@ -31,11 +31,12 @@ async function stop() {
   note.dataset.outcome = 'sent';
   setText(note, 'Stopping …');
   try {
-    const { confirmed, took_s } = await post('/api/stop', {}, { timeoutMs: 3000 });
+    const { confirmed, servos_uncontrolled, took_s } = await post('/api/stop', {}, { timeoutMs: 3000 });
     note.dataset.outcome = confirmed ? 'confirmed' : 'missing';
     confirmedAt = performance.now();
     setText(note, confirmed
-      ? `Stopped: the board confirmed after ${seconds(took_s)} that all outputs are off.`
+      ? `Stopped: the board confirmed after ${seconds(took_s)} that all outputs are off.${servos_uncontrolled
+        ? ' It is held after crashes and does not control the servos: cut their supply.' : ''}`
       : 'The stop was sent, but the board did not confirm it: switch off the supply of the arm.');
   } catch (error) {
     note.dataset.outcome = 'failed';

@@ -150,6 +150,8 @@ fn no_table() -> Refused {
 pub(crate) struct Stopped {
     /// The board has answered: all outputs are off. Otherwise the stop was sent and no answer came.
     confirmed: bool,
+    /// The board is held after crashes and does not control its servos.
+    servos_uncontrolled: bool,
     took_s: f64,
 }
 
@@ -160,7 +162,11 @@ pub(crate) async fn stop(State(hub): Shared) -> Answer<Stopped> {
     let not_sent =
         |error: &dyn std::fmt::Display| Refused::new(Kind::Link, format!("the stop could not be sent: {error}"));
     let confirmation = stopped.map_err(|error| not_sent(&error))?;
-    Ok(Json(Stopped { confirmed: confirmation == Confirmation::Confirmed, took_s: began.elapsed().as_secs_f64() }))
+    Ok(Json(Stopped {
+        confirmed: confirmation != Confirmation::Missing,
+        servos_uncontrolled: confirmation == Confirmation::OutputsAlone,
+        took_s: began.elapsed().as_secs_f64(),
+    }))
 }
 
 #[derive(Deserialize)]

@@ -139,6 +139,10 @@ fn link_failure(error: &LinkError) -> (String, String) {
         LinkError::Busy { port } => {
             (format!("{port} is in use"), format!("close the other program (`fuser {port}` names it)"))
         }
+        LinkError::Suspended { port, process } => (
+            format!("{port} is held by process {process}, which is suspended"),
+            format!("continue it: `kill -CONT {process}`"),
+        ),
         LinkError::InUse { port, holder } => (format!("{port} is in use by {holder}"), "end that program".into()),
         LinkError::Refused { port } => (
             format!("no program listens on {port}"),

@@ -393,11 +393,13 @@ mod tests {
     #[test]
     fn chunks_expand_to_no_more_than_there_is_room_for() {
         let records = in_chunk(&[7; 100]);
-        let read = |left| Log::default().records(&records, &mut Room { left, is_in_chunk: false });
+        let read =
+            |left| Log::default().records(&records, &mut Room { left, messages: usize::MAX, is_in_chunk: false });
         assert!(matches!(read(99), Err(McapError::TooLarge)));
         assert!(!matches!(read(100), Err(McapError::TooLarge)));
         for other in &OTHERS[1..] {
-            let end = Log::default().records(&other[MAGIC.len()..], &mut Room { left: 10, is_in_chunk: false });
+            let end = Log::default()
+                .records(&other[MAGIC.len()..], &mut Room { left: 10, messages: usize::MAX, is_in_chunk: false });
             assert!(matches!(end, Err(McapError::TooLarge)));
         }
     }

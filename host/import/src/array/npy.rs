@@ -243,6 +243,8 @@ fn half(bits: u16) -> f64 {
 mod tests {
     use super::*;
 
+    const LIMITS: Limits = Limits::COMMAND;
+
     fn file(header: &str, data: &[u8]) -> Vec<u8> {
         [MAGIC, &[1, 0], &(header.len() as u16).to_le_bytes(), header.as_bytes(), data].concat()
     }
@@ -250,10 +252,10 @@ mod tests {
     #[test]
     fn orders_and_types_are_read() {
         let big = file("{'descr': '>i2', 'fortran_order': False, 'shape': (2, 2)}", &[0, 1, 0, 2, 0, 3, 0xff, 0xfc]);
-        assert_eq!(read("a", &big).unwrap()[0].numbers, Some(vec![1.0, 3.0, 2.0, -4.0]));
+        assert_eq!(read("a", &big, &LIMITS).unwrap()[0].numbers, Some(vec![1.0, 3.0, 2.0, -4.0]));
         let record =
             file("{'descr': [('t', '<u1'), ('x', '<f4')], 'fortran_order': False, 'shape': (1,)}", &[7, 0, 0, 0, 0x40]);
-        let read = read("r", &record).unwrap();
+        let read = read("r", &record, &LIMITS).unwrap();
         assert_eq!([&read[0].name, &read[1].name], ["r.t", "r.x"]);
         assert_eq!([&read[0].numbers, &read[1].numbers], [&Some(vec![7.0]), &Some(vec![2.0])]);
         assert_eq!([half(0x3c00), half(0xc000), half(1)], [1.0, -2.0, 2f64.powi(-24)]);
@@ -262,9 +264,9 @@ mod tests {
     #[test]
     fn damaged_files_are_errors() {
         let good = file("{'descr': '<f8', 'fortran_order': False, 'shape': (2,)}", &[0; 16]);
-        assert!(read("a", &good).is_ok());
+        assert!(read("a", &good, &LIMITS).is_ok());
         for end in 0..good.len() {
-            assert!(read("a", &good[..end]).is_err(), "{end}");
+            assert!(read("a", &good[..end], &LIMITS).is_err(), "{end}");
         }
         for header in [
             "{'descr': '<f8', 'fortran_order': False, 'shape': (99999999999, 99999999999)}",
@@ -274,8 +276,8 @@ mod tests {
             "{}",
             "no header",
         ] {
-            assert!(read("a", &file(header, &[0; 16])).is_err(), "{header}");
+            assert!(read("a", &file(header, &[0; 16]), &LIMITS).is_err(), "{header}");
         }
-        assert!(read_archive(b"PK\x03\x04").is_err() && read_archive(b"").is_err());
+        assert!(read_archive(b"PK\x03\x04", &LIMITS).is_err() && read_archive(b"", &LIMITS).is_err());
     }
 }

@@ -1,5 +1,7 @@
 //! What is written is read back, and what is wrong with a file is said.
 
+use std::path::Path;
+
 use super::*;
 
 use crate::measurement::{write, write_text};
