@@ -142,7 +142,7 @@ mod tests {
         assert_eq!(items::<bench::Reach>(json!({ "seed": 1 })).len(), 1 + 1000);
         assert_eq!(
             items::<faults::Job>(
-                json!({ "kills": 51, "page": null, "frames": null, "stops": 20, "pico": null, "serve": null, "store": null })
+                json!({ "kills": 51, "page": null, "attack": null, "frames": null, "stops": 20, "stop_times": null, "pico": null, "serve": null, "store": null })
             )
             .len(),
             3

@@ -210,7 +210,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
             return None;
         };
         if let Some(stop) = Stop::of(header, payload) {
-            return Some(self.obey(stop).await.iter().copied().collect());
+            return Some(self.take_stop(stop).await.iter().copied().collect());
         }
         let reply = if header.tag == REQUEST {
             self.request(header, payload).await?
@@ -224,9 +224,9 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
         encode(Header { tag, ..header }, &reply)
     }
 
-    /// Obeys a stop that comes as a frame or line of its own, and not through [`crate::app::scan`], which finds every stop before it
+    /// Takes a stop that comes as a separate frame or line, and not through [`crate::app::scan`], which finds every stop before it
     /// gets here: the same event, the same confirmation.
-    pub(crate) async fn obey(&mut self, stop: Stop) -> Confirmation {
+    pub(crate) async fn take_stop(&mut self, stop: Stop) -> Confirmation {
         self.shared.stop();
         stop.obeyed(self.shared, || self.clock.now()).await
     }
@@ -235,7 +235,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
         match request {
             bootstrap::Request::Identify => payload(&self.board.identity.encode()),
             bootstrap::Request::Version => payload(&Version { protocol: PROTOCOL, firmware: FIRMWARE }.encode()),
-            // A stop is no request: see `obey`.
+            // A stop is no request: see `take_stop`.
             bootstrap::Request::Stop => Payload::new(),
             bootstrap::Request::ReadFault => payload(&CrashRecord::encode(self.board.crash.as_ref())),
             bootstrap::Request::Reboot(into) => match self.restart(into).await {

@@ -177,8 +177,8 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
     fn rank(&self, index: usize, joints: &Joints) -> u8 {
         let is_to_go = joints.get(index).copied().flatten().is_some_and(|joint| goes(&joint.action));
         let known = self.known(index);
-        let is_held = known.progress == Progress::Done && !known.action.as_ref().is_some_and(goes);
-        if is_to_go || is_held { 2 } else { u8::from(known.is_silent) }
+        let has_hold = known.progress == Progress::Done && !known.action.as_ref().is_some_and(goes);
+        if is_to_go || has_hold { 2 } else { u8::from(known.is_silent) }
     }
 
     fn known(&self, index: usize) -> Known {
@@ -247,7 +247,7 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
                 });
                 return Ok(());
             }
-            let has_goal = known.goal.is_some_and(|steps| keeps(&found, &held(steps, limit)));
+            let has_goal = known.goal.is_some_and(|steps| keeps(&found, &goal_registers(steps, limit)));
             if known.progress != Progress::Due && has_goal {
                 self.note(index, |known| known.is_done(true));
                 return Ok(());
@@ -260,7 +260,7 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
             known.place = Some(sample.place);
             (known.goal, known.progress) = (Some(steps), Progress::Written);
         });
-        let [_, values @ ..] = held(steps, limit);
+        let [_, values @ ..] = goal_registers(steps, limit);
         self.write(limit.id, ACCELERATION, &values).await
     }
 
@@ -369,7 +369,7 @@ impl Known {
         (self.place, self.is_driven, self.visits, self.is_silent) = (None, false, REWRITE_VISITS, is_silent);
     }
 
-    /// Begins another action, or goes on with the same one.
+    /// Begins another action, or continues the same one.
     fn begin(&mut self, action: ServoAction) {
         if self.action != Some(action) {
             // One that goes has no position that it holds.
@@ -397,7 +397,7 @@ fn place_to_hold(sample: &Sample, limit: &ServoWiring) -> i16 {
 }
 
 /// The registers of a servo that holds a position.
-fn held(steps: i16, limit: &ServoWiring) -> [u8; GOAL_LEN as usize] {
+fn goal_registers(steps: i16, limit: &ServoWiring) -> [u8; GOAL_LEN as usize] {
     registers(place::register(steps), limit.max_speed_rad_s, limit.max_torque)
 }
 
@@ -428,13 +428,6 @@ fn registers(steps: u16, speed_rad_s: f32, torque: f32) -> [u8; 10] {
 /// Position register of a servo angle; nearest step within one turn.
 fn steps(servo_rad: f32) -> u16 {
     (servo_rad * (SERVO_STEPS_PER_TURN / TAU) + MIDDLE + 0.5).clamp(0.0, SERVO_STEPS_PER_TURN - 1.0) as u16
-}
-
-/// Servo angle of a position register.
-fn angle_rad(register: u16) -> f32 {
-    let magnitude = f32::from(register & (POSITION_SIGN - 1));
-    let steps = if register & POSITION_SIGN == 0 { magnitude } else { -magnitude };
-    (steps - MIDDLE) * (TAU / SERVO_STEPS_PER_TURN)
 }
 
 #[cfg(test)]

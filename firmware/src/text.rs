@@ -92,7 +92,7 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
                 Err(refusal) => say(out, format_args!("? {refusal}")).await,
             },
             Ok(Words::Nearest(target)) => self.say_nearest(&target, out).await,
-            Ok(Words::Stop) => out.write_all(&self.obey(Stop::Typed).await).await,
+            Ok(Words::Stop) => out.write_all(&self.take_stop(Stop::Typed).await).await,
             Ok(Words::Do(command)) => match self.command(command).await {
                 Ok(()) => say(out, format_args!("ok")).await,
                 Err(refusal) => say(out, format_args!("? {refusal}")).await,

@@ -41,7 +41,11 @@ const CRATES: [(&str, &str, &[&str]); 19] = [
     ("darm-diagnose", "host/diagnose", &["darm-arm", "darm-core", "darm-robot"]),
     ("darm-import", "host/import", &["darm-core", "darm-diagnose", "darm-robot"]),
     ("darm-papers", "host/papers", &["darm-arm", "darm-core", "darm-diagnose", "darm-robot"]),
-    ("darm-serve", "host/serve", &["darm-arm", "darm-core", "darm-device", "darm-diagnose", "darm-import"]),
+    (
+        "darm-serve",
+        "host/serve",
+        &["darm-arm", "darm-core", "darm-device", "darm-diagnose", "darm-import", "darm-robot"],
+    ),
     (
         "darm",
         "host/cli",

@@ -65,7 +65,7 @@ pub struct ServoPlan {
     pub range_rad: f32,
     /// Largest speed, rad/s.
     pub max_speed_rad_s: f32,
-    /// Largest torque, share of its own.
+    /// Largest torque, share of what it has.
     pub max_torque: f32,
     /// Time-out, ms.
     pub timeout_ms: u16,

@@ -35,9 +35,9 @@ pub use senders::Party;
 const MAX_NS: u64 = 600_000_000_000;
 /// A servo on the bus that no profile has.
 const STRANGER: u8 = 77;
-/// The board has seen the emergency stop after so many ticks in which it ran.
+/// The board has seen the emergency stop after this number of ticks in which it ran.
 const PRESSED_TICKS: i32 = 4;
-/// So many ticks after a start its profile is in force at the latest.
+/// This number of ticks after a start its profile is in force at the latest.
 const START_TICKS: i32 = 800;
 
 /// The world of one run.
@@ -288,7 +288,7 @@ impl World {
     fn look_at_arm(&mut self) {
         let now_ns = self.bench.now_ns();
         self.hold_button();
-        self.person.look(now_ns, self.bench.is_button_held());
+        self.person.look(now_ns, self.bench.is_button_closed());
         if let Some(since_ns) = self.pressed_ns {
             self.pins.on_emergency_stop(now_ns, since_ns);
             self.pressed_ticks += i32::from(self.bench.is_powered() && !self.bench.is_paused());

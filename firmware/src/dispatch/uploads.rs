@@ -14,7 +14,7 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
         self.require_idle().await?;
         match image.kind {
             // An upload wears the flash, erases records that cannot be read, and leaves a board that never had a profile with a
-            // lost one where it ends early. The upload that is under way goes on without the button, up to its commit.
+            // lost one where it ends early. The upload that is under way continues without the button, up to its commit.
             ImageKind::Profile if self.store()?.is_begun(image) || self.snapshot().await?.button => {}
             ImageKind::Profile => return Err(Refusal::NobodyPresent),
             ImageKind::Table if self.store()?.is_profile_lost() => return Err(Refusal::Storage),

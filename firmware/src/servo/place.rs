@@ -7,7 +7,7 @@ use darm_core::output::{SERVO_STEPS_PER_TURN, ServoWiring};
 use darm_core::sequencer::ServoSeen;
 use darm_core::units::Micros;
 
-use super::{LOAD_SIGN, POSITION_SIGN, angle_rad};
+use super::{LOAD_SIGN, MIDDLE, POSITION_SIGN};
 
 /// Two reads of a servo at rest differ by no more, steps: the noise of its encoder is one or two, the rest is what it gives way
 /// to a push within a millisecond. It bounds what a damaged answer can add to a goal: 0.7°.
@@ -92,4 +92,11 @@ pub(super) fn signed(register: u16) -> i16 {
 /// The position register of a number.
 pub(super) fn register(steps: i16) -> u16 {
     steps.unsigned_abs().min(POSITION_SIGN - 1) | if steps < 0 { POSITION_SIGN } else { 0 }
+}
+
+/// Servo angle of a position register.
+pub(super) fn angle_rad(register: u16) -> f32 {
+    let magnitude = f32::from(register & (POSITION_SIGN - 1));
+    let steps = if register & POSITION_SIGN == 0 { magnitude } else { -magnitude };
+    (steps - MIDDLE) * (TAU / SERVO_STEPS_PER_TURN)
 }

@@ -7,6 +7,7 @@ use std::collections::VecDeque;
 
 use embedded_io_async::ErrorType;
 
+use super::place::angle_rad;
 use super::*;
 use crate::tests::fakes::{HandClock, run};
 

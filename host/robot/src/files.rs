@@ -69,7 +69,7 @@ impl Limits {
         format!("it is or expands to more than {} MiB; record less at once, or keep every tenth row", self.bytes >> 20)
     }
 
-    /// Whether a table of so many rows and columns fits.
+    /// Whether a table of these rows and columns fits.
     pub fn has_room_for(&self, rows: usize, columns: usize) -> bool {
         columns <= self.columns && rows.saturating_mul(columns.max(1)) <= self.cells
     }

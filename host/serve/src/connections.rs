@@ -130,14 +130,14 @@ impl Open {
     /// Closes the connection that is missed least.
     fn close_one(&mut self) {
         let all: Vec<Doing> = self.connections.iter().map(|connection| *connection.activity.get()).collect();
-        if let Some(index) = least_missed(&all, Instant::now()) {
+        if let Some(index) = first_to_close(&all, Instant::now()) {
             self.connections.swap_remove(index).task.abort();
         }
     }
 }
 
 /// The connection that is missed least; `None` where all are kept.
-fn least_missed(all: &[Doing], now: Instant) -> Option<usize> {
+fn first_to_close(all: &[Doing], now: Instant) -> Option<usize> {
     let is_recent = |doing: &Doing| doing.of_control.filter(|at| now.saturating_duration_since(*at) < KEPT);
     let mut recent: Vec<Instant> = all.iter().filter_map(is_recent).collect();
     recent.sort_unstable_by(|a, b| b.cmp(a));
@@ -198,7 +198,7 @@ impl Service<hyper::Request<Incoming>> for Noted {
 mod tests {
     use std::time::{Duration, Instant};
 
-    use super::{Doing, KEPT, MAX_KEPT, least_missed};
+    use super::{Doing, KEPT, MAX_KEPT, first_to_close};
 
     #[test]
     fn connections_of_the_page_with_control_and_running_stops_keep_their_places() {
@@ -208,14 +208,14 @@ mod tests {
         let page = Doing { of_control: Some(ago(900)), ..idle(9_000) };
         let stop = Doing { has_request: true, is_stop: true, ..idle(8_000) };
         let busy = Doing { has_request: true, ..idle(7_000) };
-        assert_eq!(least_missed(&[page, stop, busy, idle(10), idle(20)], now), Some(4));
-        assert_eq!(least_missed(&[page, stop, busy], now), Some(2));
-        assert_eq!(least_missed(&[page, stop], now), None);
+        assert_eq!(first_to_close(&[page, stop, busy, idle(10), idle(20)], now), Some(4));
+        assert_eq!(first_to_close(&[page, stop, busy], now), Some(2));
+        assert_eq!(first_to_close(&[page, stop], now), None);
         let left = Doing { of_control: Some(now.checked_sub(KEPT).unwrap()), ..page };
-        assert_eq!(least_missed(&[left, stop, idle(10)], now), Some(0));
+        assert_eq!(first_to_close(&[left, stop, idle(10)], now), Some(0));
         // A page that opens more of them than a browser does keeps the latest.
         let many: Vec<Doing> = (0..20).map(|k| Doing { of_control: Some(ago(100 + k)), ..idle(5_000 + k) }).collect();
-        assert_eq!(least_missed(&many, now), Some(19));
-        assert_eq!(least_missed(&many[..MAX_KEPT], now), None);
+        assert_eq!(first_to_close(&many, now), Some(19));
+        assert_eq!(first_to_close(&many[..MAX_KEPT], now), None);
     }
 }

@@ -89,7 +89,7 @@ pub fn any_line(rng: &mut ChaCha8Rng) -> Sent {
     Sent { bytes: format!("{line}\r").into_bytes(), what: line }
 }
 
-/// Every command that would move something, each with a number of its own, on a connection that is said to be opened again
+/// Every command that would move something, each with a separate number, on a connection that is said to be opened again
 /// first.
 pub fn commands_of_before(rng: &mut ChaCha8Rng, link: u32, arm: &ArmPlan) -> Sent {
     let mut number: u16 = rng.random();

@@ -41,7 +41,7 @@ pub struct ServoCeiling {
     pub max_step: i16,
     /// Largest speed, steps/s.
     pub max_steps_s: u16,
-    /// Largest torque, thousandths of its own.
+    /// Largest torque, thousandths of what it has.
     pub max_torque: u16,
     /// A driven servo that has not answered for this time is a fault, ms.
     pub timeout_ms: u32,
@@ -93,7 +93,7 @@ pub struct Ceilings {
 }
 
 impl Ceilings {
-    /// True time that so many microseconds of the board's clock last, ns.
+    /// True time that this number of microseconds of the board's clock lasts, ns.
     pub fn true_us_ns(&self, board_us: u64) -> u64 {
         let ns = u128::from(board_us) * 1_000 * 1_000_000 / (1_000_000 + i64::from(self.clock_ppm)) as u128;
         u64::try_from(ns).unwrap_or(u64::MAX)

@@ -280,7 +280,7 @@ impl Pins {
         }
     }
 
-    /// Whether the supply feeds so many more loads now.
+    /// Whether the supply feeds this number of further loads now.
     pub fn has_supply(&self, now_ns: u64, loads: usize) -> bool {
         let window_ns = self.ceilings.true_ns(u64::from(self.ceilings.budget_ms) + NOTICE_MS);
         let has_started = now_ns.saturating_sub(self.started_ns) > window_ns;

@@ -1,7 +1,7 @@
 //! Judge 1, the servos: what their shafts do. It sees the mechanism, never the bus: where each shaft is, which goal and which
 //! torque limit are in force, how often a servo has answered.
 //!
-//! A motion is explained by an order: somebody asked for an angle, or for a table with that angle, on a connection that no stop
+//! A motion is explained by an order: somebody requested an angle, or for a table with that angle, on a connection that no stop
 //! has ended, and neither a stop, a latched fault nor a start has come since. All else is rest: the shaft stays where it came to
 //! rest, whatever goal is written to hold it.
 
@@ -12,7 +12,7 @@ const MS: u64 = 1_000_000;
 /// The bend of a servo under load, steps; the simulated ones have at most this.
 pub const MAX_BEND_STEPS: f32 = 5.0;
 /// A shaft that is held stays within this many steps (1.4°) of where it came to rest: holding takes the present position for
-/// the goal, which bends it once more (5), at rest under the bend of before (5), plus rounding (2) and, at the largest speed of a
+/// the goal, which bends it again (5), at rest under the bend of before (5), plus rounding (2) and, at the largest speed of a
 /// script (3 rad/s), what it turns in 2 ms from the answer to the order (4).
 const HOLD_STEPS: f32 = 16.0;
 /// A position that a servo turning at speed has reported is this old when it becomes the goal, ms: two visits and their answers.

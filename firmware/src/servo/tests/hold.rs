@@ -196,7 +196,7 @@ fn a_goal_that_a_servo_has_not_taken_is_written_again_until_it_is_read_back() {
 fn one_damaged_answer_does_not_confirm_a_goal() {
     let (fake, shared, clock) = (under_way(2500), Shared::new(), HandClock::default());
     fake.untaken.set(1);
-    let wanted = held(2500, &joint(0.0).unwrap().limit);
+    let wanted = goal_registers(2500, &joint(0.0).unwrap().limit);
     let mut is_damaged = false;
     let spoil = move |request: &Packet, bytes: &mut Vec<u8>| {
         let is_read_back = !is_damaged && request.code == 2 && request.parameters()[0] == TORQUE_ENABLE;

@@ -224,7 +224,7 @@ impl Bringup<'_> {
         stroke
     }
 
-    /// Switches the output on for a time that the board ends, and looks until the actuator is back. No stop of its own comes after
+    /// Switches the output on for a time that the board ends, and looks until the actuator is back. No separate stop comes after
     /// it: that would end the connection, and with a new one a stop of somebody else would be forgotten.
     fn stroke(&mut self, place: &Place, step: &Step<'_>) -> Result<Stroke, End> {
         let output = step.output;

@@ -171,7 +171,7 @@ impl Bench {
     }
 
     /// Whether the contact of the user button is closed.
-    pub fn is_button_held(&self) -> bool {
+    pub fn is_button_closed(&self) -> bool {
         self.button
     }
 

@@ -295,7 +295,8 @@ impl Rig {
             }
             for happened in self.bench.take_happened() {
                 if let Physical::Bus { to_servos: true, bytes } = happened {
-                    let is_order = bytes.starts_with(&[0xff, 0xff, 1]) && bytes.get(4..6) == Some(&[3, 40]);
+                    // A write of a goal, with the torque in front of it or without.
+                    let is_order = bytes.starts_with(&[0xff, 0xff, 1]) && matches!(bytes.get(4..6), Some([3, 40 | 41]));
                     if is_order && !is_ordered {
                         (is_ordered, times.servos) = (true, ms);
                     }

@@ -54,7 +54,7 @@ const LOAD_SIGN: u16 = 1 << 10;
 
 /// Status bit of a servo that bears more than it can.
 const OVERLOADED: u8 = 1 << 5;
-/// Of so many answers of a servo with a bad contact one is damaged.
+/// Of this number of answers of a servo with a bad contact one is damaged.
 const DAMAGED_IN: u64 = 3;
 
 /// Servos with faults: bit `i` is servo joint `i`.
@@ -103,7 +103,7 @@ pub struct ServoState {
     pub has_torque: bool,
     /// The goal in force, steps.
     pub goal_step: u16,
-    /// The torque limit in force, thousandths of its own torque.
+    /// The torque limit in force, thousandths of the torque that it has.
     pub torque_limit: u16,
     /// Answers to questions that it has sent, each with its position or not.
     pub answers: u32,

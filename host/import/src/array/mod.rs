@@ -49,7 +49,7 @@ impl Room {
         Self { bytes: limits.bytes, numbers: limits.cells, arrays: limits.columns, limits: *limits }
     }
 
-    /// Takes an array with so many numbers, before it is read.
+    /// Takes an array with this number of elements, before it is read.
     pub(crate) fn take(&mut self, numbers: usize) -> Result<(), Fault> {
         let left = self.numbers.checked_sub(numbers).zip(self.arrays.checked_sub(1));
         let Limits { cells, columns, .. } = self.limits;
