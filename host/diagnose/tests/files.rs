@@ -49,7 +49,8 @@ fn a_diagnosis_that_is_given_up_ends_soon() {
         let since = Instant::now();
         progress.cancel();
         let ended = running.join().unwrap();
-        assert!(since.elapsed() < Duration::from_secs(20), "{:?}", since.elapsed());
+        // The search alone takes minutes; a loaded machine took 24 s to the next look at the cancellation.
+        assert!(since.elapsed() < Duration::from_secs(60), "{:?}", since.elapsed());
         ended
     });
     assert!(matches!(ended, Err(FilesError::Diagnose { source: DiagnoseError::Cancelled, .. })), "{ended:?}");
