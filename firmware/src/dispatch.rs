@@ -210,7 +210,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
             return None;
         };
         if let Some(stop) = Stop::of(header, payload) {
-            return Some(self.take_stop(stop).await.iter().copied().collect());
+            return Frame::from_slice(&self.take_stop(stop).await).ok();
         }
         let reply = if header.tag == REQUEST {
             self.request(header, payload).await?

@@ -393,7 +393,7 @@ fn place_to_hold(sample: &Sample, limit: &ServoWiring) -> i16 {
     let [low, high] = [limit.min_rad, limit.max_rad].map(|rad| steps(rad) as i16);
     let is_inside = |steps: i16| (low..=high).contains(&steps);
     let seen = sample.place.steps;
-    if is_inside(seen) || is_inside(sample.before_steps) { seen.clamp(low, high) } else { seen }
+    if is_inside(seen) || is_inside(sample.before_steps) { seen.max(low).min(high) } else { seen }
 }
 
 /// The registers of a servo that holds a position.
