@@ -21,14 +21,14 @@ use darm_core::wire::bootstrap::{self, ANSWER, CrashRecord, Identity, Version};
 use darm_core::wire::caps::{BuildId, Caps};
 use darm_core::wire::frame::{self, Header, MAX_FRAME, MAX_PAYLOAD};
 use darm_core::wire::health::Health;
-use darm_core::wire::message::{Answer, Calibration, Hello, REQUEST, Refusal, Reply, Request};
+use darm_core::wire::message::{self, Answer, Calibration, Hello, REQUEST, Refusal, Reply, Request};
+use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 
 use crate::clock::Clock;
 use crate::control::{Numbered, Order, Outcome, Shared};
 use crate::kept::{Kept, past};
 use crate::log::{EventLog, LogMemory};
-use crate::scan::{Confirmation, Stop};
 use crate::servo::CYCLE;
 use crate::store::Store;
 pub(crate) use encode::encode;
@@ -209,9 +209,6 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
             self.note_bad();
             return None;
         };
-        if let Some(stop) = Stop::of(header, payload) {
-            return Frame::from_slice(&self.take_stop(stop).await).ok();
-        }
         let reply = if header.tag == REQUEST {
             self.request(header, payload).await?
         } else if let Some(request) = bootstrap::Request::decode(header.tag, payload) {
@@ -224,19 +221,22 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
         encode(Header { tag, ..header }, &reply)
     }
 
-    /// Takes a stop that comes as a separate frame or line, and not through [`crate::app::scan`], which finds every stop before it
-    /// gets here: the same event, the same confirmation.
-    pub(crate) async fn take_stop(&mut self, stop: Stop) -> Confirmation {
+    /// Takes a stop that [`crate::app::scan`] has not found, because nobody scans what comes here: the same event.
+    pub(crate) async fn stop_arm(&mut self) {
         self.shared.stop();
-        stop.obeyed(self.shared, || self.clock.now()).await
+        while !self.shared.has_stopped() {
+            yield_now().await;
+        }
     }
 
     async fn bootstrap(&mut self, request: bootstrap::Request) -> Payload {
         match request {
             bootstrap::Request::Identify => payload(&self.board.identity.encode()),
             bootstrap::Request::Version => payload(&Version { protocol: PROTOCOL, firmware: FIRMWARE }.encode()),
-            // A stop is no request: see `take_stop`.
-            bootstrap::Request::Stop => Payload::new(),
+            bootstrap::Request::Stop => {
+                self.stop_arm().await;
+                payload(&bootstrap::Stopped::encode(self.shared.servos()))
+            }
             bootstrap::Request::ReadFault => payload(&CrashRecord::encode(self.board.crash.as_ref())),
             bootstrap::Request::Reboot(into) => match self.restart(into).await {
                 Ok(()) => payload(&[0]),
@@ -251,6 +251,11 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
             Ok((request, [])) => request,
             _ => return Some(self.reply(Err(Refusal::Unknown))),
         };
+        // Of any connection and number.
+        if message::is_stop(bytes) {
+            self.stop_arm().await;
+            return Some(self.reply(Ok(Answer::Done)));
+        }
         if let Request::Hello { protocol } = request {
             let result = self.hello(header.link, protocol).await;
             return Some(self.reply(result));

@@ -21,7 +21,6 @@ use crate::clock::Clock;
 use crate::control::{Order, Outcome};
 use crate::dispatch::{Dispatcher, FIRMWARE};
 use crate::kept::CRASHES;
-use crate::scan::Stop;
 use parse::{Words, parse};
 
 const HELP: &[&str] = &[
@@ -92,7 +91,10 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
                 Err(refusal) => say(out, format_args!("? {refusal}")).await,
             },
             Ok(Words::Nearest(target)) => self.say_nearest(&target, out).await,
-            Ok(Words::Stop) => out.write_all(&self.take_stop(Stop::Typed).await).await,
+            Ok(Words::Stop) => {
+                self.stop_arm().await;
+                say(out, format_args!("ok")).await
+            }
             Ok(Words::Do(command)) => match self.command(command).await {
                 Ok(()) => say(out, format_args!("ok")).await,
                 Err(refusal) => say(out, format_args!("? {refusal}")).await,
