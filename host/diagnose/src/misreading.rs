@@ -16,6 +16,15 @@ pub enum Misreading {
         /// Rows.
         rows: isize,
     },
+    /// Rows have digits of the row or word after; before where it is negative.
+    ShiftedDigits {
+        /// Numbers of the actuators, from 0; empty: all.
+        actuators: Vec<usize>,
+        /// What they are shifted by.
+        by: LabelStep,
+        /// How many.
+        later: isize,
+    },
     /// One row of words is missing, or one too many, from this line on.
     WordsOutOfStep {
         /// The first line with the word of another row.
@@ -45,6 +54,11 @@ pub enum Misreading {
     },
     /// An axis of the measured positions has the other sign.
     MirroredAxis {
+        /// Its name.
+        axis: char,
+    },
+    /// The frame of the poses is left-handed: one axis of the positions has the other sign, and so have the turns about both others.
+    LeftHanded {
         /// Its name.
         axis: char,
     },
@@ -95,6 +109,16 @@ pub enum Misreading {
     },
 }
 
+/// What labels of rows are late by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LabelStep {
+    /// A row of the log.
+    Row,
+    /// A word, of one row or more.
+    Word,
+}
+
 impl fmt::Display for Misreading {
     /// What would have to be so, as a clause: `two actuators are exchanged: …`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -106,6 +130,20 @@ impl fmt::Display for Misreading {
             Self::ShiftedWords { rows } => write!(f, "each pose belongs to the word {}", away(*rows)),
             Self::WordsOutOfStep { line, rows } => {
                 write!(f, "from line {line} on each pose belongs to the word {}", away(*rows))
+            }
+            Self::ShiftedDigits { actuators, by, later } => {
+                let digits: Vec<String> = actuators.iter().map(usize::to_string).collect();
+                let digits = match &digits[..] {
+                    [] => "the word".into(),
+                    [one] => format!("digit {one}"),
+                    some => format!("digits {}", some.join(", ")),
+                };
+                let by = match by {
+                    LabelStep::Row => "row",
+                    LabelStep::Word => "word",
+                };
+                let side = if *later > 0 { "after" } else { "before" };
+                write!(f, "each pose belongs to {digits} of the {by} {side}")
             }
             Self::InvertedDigits => write!(f, "digit 0 is written as 1 and 1 as 0"),
             Self::ReversedDigits => write!(f, "the digits of the words are in the order from the tool to the base"),
@@ -119,6 +157,9 @@ impl fmt::Display for Misreading {
             }
             Self::ExchangedAxes { axes: [a, b] } => write!(f, "{a} and {b} of the positions are exchanged"),
             Self::MirroredAxis { axis } => write!(f, "{axis} of the positions has the other sign"),
+            Self::LeftHanded { axis } => {
+                write!(f, "the frame of the poses is left-handed: {axis} has the other sign, in the turns too")
+            }
             Self::InvertedAngles => write!(f, "the angles have the other sign"),
             Self::AnglesInRadians => write!(f, "the angles of the poses are in rad, and read as deg"),
             Self::InvertedPoses => write!(f, "the poses are those of the base in the tool"),

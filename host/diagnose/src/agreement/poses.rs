@@ -4,15 +4,14 @@
 //! Acta Cryst. A32 (1976) 922), since where the camera's base is says nothing about words; without the farthest tenth.
 
 use darm_arm::arm::{Arm, ArmScratch};
-use darm_core::real::Vec3;
+use darm_core::real::{Mat3, Vec3};
 use darm_core::se::{Pose, rotation_exp, rotation_log};
 use darm_core::units::Word;
-use nalgebra::Matrix3;
 
 use super::{Agreement, FEW, MIN_EXPLAINED, trimmed_root_mean_square};
-use crate::measurement::rigid_motion::nearest_rotation;
+use crate::measurement::rigid_motion::{distances_after, nearest_rotation, robust_nearest_motion};
 use crate::measurement::{Run, median};
-use crate::misreading::Misreading;
+use crate::misreading::{LabelStep, Misreading};
 use crate::outcome::{Number, OtherReading};
 use crate::prepare::thinning::one_of_each_part;
 
@@ -78,8 +77,10 @@ pub(crate) fn agreement(arm: &Arm, run: &Run) -> Agreement {
     if error_m < NEAR * motion_m {
         return Agreement::AsRead;
     }
-    let best = comparison.best(&as_read, run, &training);
-    match best.filter(|(_, other_m)| *other_m < MUCH_LESS * error_m) {
+    let is_much_less = |(_, other_m): &(Misreading, f64)| *other_m < MUCH_LESS * error_m;
+    let best = comparison.best(&as_read, run, &training).filter(is_much_less);
+    // Where no word is measured twice in turn, a word later is a row later.
+    match best.or_else(|| comparison.best_by_word(&as_read).filter(is_much_less)) {
         Some((misreading, other_m)) => {
             Agreement::Otherwise(OtherReading { misreading, error: Number::new(other_m, "m") })
         }
@@ -109,6 +110,11 @@ impl Comparison<'_> {
         tried.into_iter().min_by(|a, b| a.1.total_cmp(&b.1))
     }
 
+    /// The reading of late or early digits by words with the smallest error, m.
+    fn best_by_word(&self, as_read: &ReadRows) -> Option<(Misreading, f64)> {
+        self.judged(self.late_digits(as_read, LabelStep::Word)).min_by(|a, b| a.1.total_cmp(&b.1))
+    }
+
     /// Readings of the words, the poses as they are.
     fn of_words(&self, as_read: &ReadRows) -> Vec<(Misreading, ReadRows)> {
         let with = |words: Vec<Word>| ReadRows { words, poses: as_read.poses.clone() };
@@ -123,7 +129,45 @@ impl Comparison<'_> {
         let all = inverted(None).map(|reading| (Misreading::InvertedDigits, reading));
         let each = (0..n).filter_map(|k| Some((Misreading::InvertedActuator { actuator: k }, inverted(Some(k))?)));
         let reversed = reversed.collect::<Option<Vec<Word>>>().map(|words| (Misreading::ReversedDigits, with(words)));
-        shifted.into_iter().chain(all).chain(each).chain(reversed).collect()
+        shifted
+            .into_iter()
+            .chain(self.late_digits(as_read, LabelStep::Row))
+            .chain(all)
+            .chain(each)
+            .chain(reversed)
+            .collect()
+    }
+
+    /// Readings in which the digits of one module, of one actuator or of all are a row or a word late or early, as those are that a module
+    /// delivers over a bus of its own.
+    fn late_digits(&self, as_read: &ReadRows, by: LabelStep) -> Vec<(Misreading, ReadRows)> {
+        let n = self.arm.n_actuators();
+        let stage_of: Vec<usize> = self.arm.model.chain.actuators().map(|(stage, _)| stage).collect();
+        let mut parts: Vec<Vec<usize>> = (0..n).map(|k| vec![k]).collect();
+        parts.extend(stage_of.chunk_by(|a, b| a == b).scan(0, |first, stage| {
+            *first += stage.len();
+            Some((*first - stage.len()..*first).collect())
+        }));
+        parts.push((0..n).collect());
+        parts.dedup();
+        let mut all = Vec::new();
+        for later in [1, -1] {
+            let moved = match by {
+                LabelStep::Row => shifted(&as_read.words, 0, later),
+                LabelStep::Word => shifted_by_word(&as_read.words, later),
+            };
+            for actuators in &parts {
+                let pairs = as_read.words.iter().zip(&moved);
+                let digit =
+                    |k, own: &Word, moved: &Word| if actuators.contains(&k) { moved.digit(k) } else { own.digit(k) };
+                let words = pairs.map(|(own, moved)| word_of((0..n).map(|k| digit(k, own, moved))));
+                let Some(words) = words.collect() else { continue };
+                let actuators = if actuators.len() < n { actuators.clone() } else { Vec::new() };
+                let reading = ReadRows { words, poses: as_read.poses.clone() };
+                all.push((Misreading::ShiftedDigits { actuators, by, later }, reading));
+            }
+        }
+        all
     }
 
     /// The word with the digit of one actuator inverted, or with all.
@@ -145,10 +189,17 @@ impl Comparison<'_> {
             let axes = [AXES[a], AXES[b]];
             (Misreading::ExchangedAxes { axes }, as_read.moved(|p| p.swap_rows(a, b)))
         });
+        let left_handed = self.axes().map(|(k, axis)| {
+            let mut mirror = Mat3::identity();
+            mirror[(k, k)] = -1.0;
+            let seen =
+                |pose: &Pose<f64>| Pose { rotation: mirror * pose.rotation * mirror, position: mirror * pose.position };
+            (Misreading::LeftHanded { axis }, as_read.with(seen))
+        });
         let turned = as_read.with(|pose| Pose { rotation: pose.rotation.transpose(), position: pose.position });
         let inverted = as_read.with(Pose::inverse);
         let both = [(Misreading::InvertedAngles, turned), (Misreading::InvertedPoses, inverted)];
-        mirrored.chain(exchanged).chain(both).collect()
+        mirrored.chain(left_handed).chain(exchanged).chain(both).collect()
     }
 
     /// Readings of one column of the poses in another unit, with their errors.
@@ -225,8 +276,10 @@ impl Comparison<'_> {
     fn other_size(&self, as_read: &ReadRows) -> Option<(Misreading, f64)> {
         // A blunder is as large as it likes.
         let successive = self.pairs(as_read)?;
-        let apart = |pair: &[[Pose<f64>; 2]], k: usize| (pair[1][k].position - pair[0][k].position).norm();
-        let ratios = successive.windows(2).map(|pair| apart(pair, 1) / apart(pair, 0));
+        let ratios = successive.windows(2).map(|pair| {
+            let ((from, seen_from), (to, seen_to)) = (pair[0], pair[1]);
+            (seen_to.position - seen_from.position).norm() / (to.position - from.position).norm()
+        });
         let factor = median(ratios.filter(|ratio| ratio.is_finite()))?;
         let reading = as_read.moved(|p| *p /= factor);
         let is_other = factor.is_normal() && (factor.ln()).abs() > OTHER_SIZE.ln_1p();
@@ -264,11 +317,11 @@ impl Comparison<'_> {
     }
 
     /// What the model predicts and what was measured in each row compared.
-    fn pairs(&self, reading: &ReadRows) -> Option<Vec<[Pose<f64>; 2]>> {
+    fn pairs(&self, reading: &ReadRows) -> Option<Vec<(Pose<f64>, Pose<f64>)>> {
         let mut scratch = ArmScratch::default();
         let predicted = self.rows.iter().map(|&row| {
             let condition = self.arm.working_condition(reading.words[row], self.servos[row]);
-            Some([self.arm.model.predict(&condition, &mut scratch).ok()?, reading.poses[row]])
+            Some((self.arm.model.predict(&condition, &mut scratch).ok()?, reading.poses[row]))
         });
         predicted.collect::<Option<Vec<_>>>().filter(|pairs| !pairs.is_empty())
     }
@@ -276,22 +329,8 @@ impl Comparison<'_> {
     /// The error of each row compared, m.
     fn errors_m(&self, reading: &ReadRows) -> Option<Vec<f64>> {
         let pairs = self.pairs(reading)?;
-        let n = pairs.len() as f64;
-        let middle = |of: fn(&[Pose<f64>; 2]) -> Vec3<f64>| pairs.iter().map(of).sum::<Vec3<f64>>() / n;
-        let (p0, m0) = (middle(|pair| pair[0].position), middle(|pair| pair[1].position));
-        let mut turns = Matrix3::zeros();
-        let scale_m = self.arm.length_scale_m;
-        for [p, m] in &pairs {
-            let (dp, dm) = (p.position - p0, m.position - m0);
-            turns += dp * dm.transpose() + p.rotation * m.rotation.transpose() * (scale_m * scale_m);
-        }
-        let turn = nearest_rotation(&turns);
-        let error = |[p, m]: &[Pose<f64>; 2]| {
-            let aside = p.position - p0 - turn * (m.position - m0);
-            let angle = rotation_log(&(p.rotation.transpose() * turn * m.rotation)).norm();
-            aside.norm().hypot(scale_m * angle)
-        };
-        Some(pairs.iter().map(error).collect())
+        let motion = robust_nearest_motion(&pairs, self.arm.length_scale_m);
+        Some(distances_after(&motion, &pairs, self.arm.length_scale_m))
     }
 }
 
@@ -309,6 +348,16 @@ fn shifted(words: &[Word], from: usize, rows: isize) -> Vec<Word> {
         _ => *word,
     };
     words.iter().enumerate().map(of).collect()
+}
+
+/// Words of the next or last stretch of rows that have one word; at an end as they are.
+fn shifted_by_word(words: &[Word], later: isize) -> Vec<Word> {
+    let stays: Vec<&[Word]> = words.chunk_by(|a, b| a == b).collect();
+    let of = |stay: usize| {
+        let other = stays[stay.saturating_add_signed(later).min(stays.len() - 1)];
+        std::iter::repeat_n(other[0], stays[stay].len())
+    };
+    (0..stays.len()).flat_map(of).collect()
 }
 
 /// Words whose digit k moves the actuator `order[k]` of the model.

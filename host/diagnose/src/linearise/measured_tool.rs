@@ -19,7 +19,7 @@ use crate::effect::{Law, Place, Site};
 use crate::linearise::experiment::{Axis, Candidate, Columns, Curvature, Experiment, Moving, Value};
 use crate::linearise::serial_chain::{self, FrameChain, SerialChain};
 use crate::measured::Measured;
-use crate::measurement::rigid_motion::nearest_rotation;
+use crate::measurement::rigid_motion::nearest_motion;
 use crate::prepare::signals::{PrepareError, Prepared};
 use darm_robot::robot::Robot;
 
@@ -192,16 +192,10 @@ impl ToolRows {
 
     /// The base that brings the tool nearest to what was measured in the rows that take part.
     fn nearest_base(&self, chains: &[FrameChain], scale: f64, fits: &[bool]) -> Pose<f64> {
-        let pairs: Vec<(Vec3<f64>, Vec3<f64>)> = (0..chains.len())
-            .filter(|row| fits[*row])
-            .map(|row| (chains[row].tool.position * scale, self.measured[row].position))
-            .collect();
-        let n = pairs.len().max(1) as f64;
-        let (own, seen) = pairs.iter().fold((Vec3::zeros(), Vec3::zeros()), |(a, b), (own, seen)| (a + own, b + seen));
-        let (own, seen) = (own / n, seen / n);
-        let turns: Mat3<f64> = pairs.iter().map(|(from, to)| (to - seen) * (from - own).transpose()).sum();
-        let rotation = nearest_rotation(&turns);
-        Pose { rotation, position: seen - rotation * own }
+        let at = |position: Vec3<f64>| Pose { rotation: Mat3::identity(), position };
+        let pair = |row: usize| (at(chains[row].tool.position * scale), at(self.measured[row].position));
+        let pairs: Vec<_> = (0..chains.len()).filter(|row| fits[*row]).map(pair).collect();
+        nearest_motion(&pairs, &vec![1.0; pairs.len()], 0.0)
     }
 
     /// A column for each value of the chain.

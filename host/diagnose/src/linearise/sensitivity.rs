@@ -12,6 +12,7 @@ use darm_core::effect::{Effect, Law, Place, Site};
 use darm_core::model::Condition;
 use darm_core::se::{Pose, Twist};
 
+use crate::linearise::arm_candidates::same;
 use crate::prepare::observations::{NoPose, Observations, Row};
 use darm_arm::arm::{ArmModel, ArmScratch};
 
@@ -102,10 +103,22 @@ impl<'a> Sensitivity<'a> {
                 self.as_seen(posture, of_tool)
             }
             Place::Base | Place::Tool | Place::Camera => {
-                let seen = |effect: &Effect<f64>| effect.law().displace(posture.seen, &posture.condition);
+                let seen = |effect: &Effect<f64>| self.seen_with(posture, effect);
                 (seen(from).inverse() * seen(to)).log()
             }
         }
+    }
+
+    /// Where the tool is seen when one effect takes the place of that of the same law and place in the model, or comes last
+    /// where the model has none. In its own place: a turn that stands before another motion moves the tool about other axes
+    /// than one that comes after it, and at 60° by half as much.
+    fn seen_with(&self, posture: &Posture, effect: &Effect<f64>) -> Pose<f64> {
+        let own = |other: &&Effect<f64>| same(other, effect);
+        if !self.model.effects.iter().any(|other| own(&other)) {
+            return effect.law().displace(posture.seen, &posture.condition);
+        }
+        let effects = self.model.effects.iter().map(|other| if own(&other) { effect } else { other });
+        effects.fold(posture.tool, |pose, effect| effect.law().displace(pose, &posture.condition))
     }
 
     /// A small motion of the tool as it is seen.

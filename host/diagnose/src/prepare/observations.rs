@@ -11,6 +11,7 @@ use darm_core::real::Vec3;
 use darm_core::se::Pose;
 use darm_core::units::Word;
 
+use crate::measurement::rigid_motion::robust_nearest_motion;
 use crate::measurement::{Run, Sample, median};
 use darm_arm::arm::{Arm, ArmModel, ArmScratch, ZERO_CELSIUS};
 
@@ -140,13 +141,27 @@ impl Observations {
     ///
     /// The model has no pose under the conditions of a row.
     pub fn residuals(&self, model: &ArmModel, scratch: &mut ArmScratch) -> Result<Vec<f64>, NoPose> {
-        let mut all = Vec::with_capacity(self.rows.len() * self.axes.len());
-        for row in &self.rows {
-            let predicted =
-                model.predict(&self.condition(row), scratch).map_err(|error| NoPose { sample: row.sample, error })?;
-            all.extend(self.residual(row, &predicted));
-        }
-        Ok(all)
+        let predicted = self.predicted(model, scratch)?;
+        Ok(self.rows.iter().zip(&predicted).flat_map(|(row, predicted)| self.residual(row, predicted)).collect())
+    }
+
+    /// Where the model has the tool in each row.
+    ///
+    /// # Errors
+    ///
+    /// The model has no pose under the conditions of a row.
+    pub fn predicted(&self, model: &ArmModel, scratch: &mut ArmScratch) -> Result<Vec<Pose<f64>>, NoPose> {
+        let of = |row: &Row| {
+            model.predict(&self.condition(row), scratch).map_err(|error| NoPose { sample: row.sample, error })
+        };
+        self.rows.iter().map(of).collect()
+    }
+
+    /// The motion that brings predicted poses nearest to the measured ones; blunders hardly count.
+    pub(crate) fn nearest_motion(&self, predicted: &[Pose<f64>]) -> Pose<f64> {
+        let measured = self.rows.iter().map(|row| row.inverse.inverse());
+        let pairs: Vec<_> = predicted.iter().copied().zip(measured).collect();
+        robust_nearest_motion(&pairs, self.length_scale_m)
     }
 
     /// The residual of one row, in units of the noise, when the tool is predicted there.

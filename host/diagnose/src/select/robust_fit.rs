@@ -7,6 +7,9 @@
 //! far off pulls with a bounded force. Minimised by re-weighted least squares (w = min(1, c/s)) within each
 //! Gauss–Newton step; a step that does not lower the loss is halved.
 
+use darm_core::effect::law_name::LawName;
+use darm_core::real::Vec3;
+use darm_core::se::{Pose, rotation_log};
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -164,7 +167,7 @@ pub fn fit(
 ) -> Result<Fit, NoPose> {
     let n_axes = observations.n_axes();
     let all = vec![1.0; observations.rows.len()];
-    let mut best = at(model.clone(), observations, values, scratch)?;
+    let mut best = at(registered(model, observations, values, scratch)?, observations, values, scratch)?;
     let mut loss: f64 = losses(&best.residuals, n_axes).iter().sum();
     for _ in 0..if best.values.is_empty() { 0 } else { STEPS } {
         let linear = Linear { columns: &best.columns, residuals: &best.residuals, n_axes };
@@ -180,6 +183,33 @@ pub fn fit(
         }
     }
     Ok(best)
+}
+
+/// The model with its base where the predicted poses lie nearest to the measured ones, in closed form; as it is where the
+/// place of its base is not fitted, or where that does not lower the loss.
+///
+/// Residuals are linear in a turn of the base up to some degrees only, and a camera may look at the arm from any side: from 45°
+/// on the steps below end where the arm is millimetres away from what they could reach.
+fn registered(
+    model: &ArmModel,
+    observations: &Observations,
+    values: &[Value],
+    scratch: &mut ArmScratch,
+) -> Result<ArmModel, NoPose> {
+    let is_fitted = |effect: usize| values.iter().any(|value| value.0 == effect);
+    let effects = model.effects.iter().map(|effect| effect.law().name());
+    let base = effects.enumerate().position(|(k, name)| name == LawName::BaseOffset && is_fitted(k));
+    let Some(base) = base else { return Ok(model.clone()) };
+    let motion = observations.nearest_motion(&observations.predicted(model, scratch)?);
+    let mut moved = model.clone();
+    if let [rx, ry, rz, x, y, z] = moved.effects[base].law_mut().values_mut() {
+        let place = motion * Pose::new(&Vec3::new(*rx, *ry, *rz), Vec3::new(*x, *y, *z));
+        let turn = rotation_log(&place.rotation);
+        ([*rx, *ry, *rz], [*x, *y, *z]) = (turn.into(), place.position.into());
+    }
+    let loss = |residuals: &[f64]| losses(residuals, observations.n_axes()).iter().sum::<f64>();
+    let is_nearer = loss(&observations.residuals(&moved, scratch)?) < loss(&observations.residuals(model, scratch)?);
+    Ok(if is_nearer { moved } else { model.clone() })
 }
 
 /// The model after a step that lowers the loss, halved until it does, and that loss.

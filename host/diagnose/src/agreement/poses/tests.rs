@@ -82,6 +82,49 @@ fn readings_of_words_are_found_wherever_the_camera_is() {
 }
 
 #[test]
+fn labels_of_a_module_or_an_actuator_that_come_a_row_late_are_found() {
+    let (arm, mut rng) = (planar4(), ChaCha8Rng::seed_from_u64(8));
+    let run = run(&arm, &mut rng);
+    for (actuators, rows) in [(vec![3, 4, 5], -1), (vec![7], 1)] {
+        let late = with_words(&run, |row, word| {
+            let other = run.samples[row.saturating_add_signed(rows).min(ROWS - 1)].word;
+            let digit = |k| if actuators.contains(&k) { other.digit(k) } else { word.digit(k) };
+            word_of((0..12).map(digit)).unwrap()
+        });
+        let expected = Misreading::ShiftedDigits { actuators, by: LabelStep::Row, later: -rows };
+        assert_eq!(found(&arm, &late), Some(expected));
+    }
+}
+
+#[test]
+fn labels_of_a_module_that_come_a_word_late_are_found_where_words_are_measured_twice() {
+    let (arm, mut rng) = (planar4(), ChaCha8Rng::seed_from_u64(10));
+    let mut run = run(&arm, &mut rng);
+    for row in (1..ROWS).step_by(2) {
+        let earlier = run.samples[row - 1].clone();
+        run.samples[row] = Sample { time_s: row as f64, ..earlier };
+    }
+    let late = with_words(&run, |row, word| {
+        let before = run.samples[(row & !1).saturating_sub(2)].word;
+        word_of((0..12).map(|k| if (3..6).contains(&k) { before.digit(k) } else { word.digit(k) })).unwrap()
+    });
+    let expected = Misreading::ShiftedDigits { actuators: vec![3, 4, 5], by: LabelStep::Word, later: 1 };
+    assert_eq!(found(&arm, &late), Some(expected));
+}
+
+#[test]
+fn a_camera_that_stands_anywhere_and_blunders_are_no_other_reading() {
+    let (arm, mut rng) = (planar4(), ChaCha8Rng::seed_from_u64(9));
+    for angle in [25.0f64, 60.0, 90.0, 180.0, -135.0] {
+        let mut run = run(&arm, &mut rng);
+        let camera = Pose::new(&Vec3::new(0.0, 0.0, angle.to_radians()), Vec3::new(3.0, -2.0, 0.0));
+        run.samples.iter_mut().for_each(|sample| sample.pose = camera * sample.pose);
+        run.samples[17].pose.position.x = 1e9;
+        assert_eq!(agreement(&arm, &run), Agreement::AsRead, "{angle} deg");
+    }
+}
+
+#[test]
 fn a_lost_row_is_found_with_its_line() {
     let (arm, mut rng) = (planar4(), ChaCha8Rng::seed_from_u64(3));
     let run = run(&arm, &mut rng);
@@ -116,6 +159,9 @@ fn readings_of_poses_are_found() {
     };
     let turned = with(&|pose| Pose { rotation: pose.rotation.transpose(), position: pose.position });
     assert_eq!(found(&arm, &turned), Some(Misreading::InvertedAngles));
+    let mirror = nalgebra::Matrix3::from_diagonal(&Vec3::new(1.0, -1.0, 1.0));
+    let mirrored = with(&|pose| Pose { rotation: mirror * pose.rotation * mirror, position: mirror * pose.position });
+    assert!(matches!(found(&arm, &mirrored), Some(Misreading::LeftHanded { .. })), "{:?}", found(&arm, &mirrored));
     let large = with(&|pose| Pose { rotation: pose.rotation, position: pose.position * 1.6 });
     match found(&arm, &large) {
         Some(Misreading::LengthScale { factor }) => assert!((factor / 1.6 - 1.0).abs() < 0.01, "{factor}"),
