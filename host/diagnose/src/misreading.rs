@@ -90,6 +90,13 @@ pub enum Misreading {
         /// What they are to be divided by.
         factor: f64,
     },
+    /// The columns qx, qy, qz and qw hold other parts of the quaternion.
+    Quaternion {
+        /// Which.
+        hold: [char; 4],
+        /// Whether it is that of the inverse turn.
+        inverse: bool,
+    },
     /// A joint counts from another zero.
     OtherZero {
         /// Its column.
@@ -173,6 +180,14 @@ impl fmt::Display for Misreading {
             }
             Self::ColumnScale { columns, factor } => {
                 write!(f, "{} is {} times too large", names(columns), rounded(*factor))
+            }
+            Self::Quaternion { hold, inverse } => {
+                let [a, b, c, d] = hold;
+                match hold[0] {
+                    'x' => write!(f, "the quaternion is that of the inverse turn")?,
+                    _ => write!(f, "qx, qy, qz and qw hold {a}, {b}, {c} and {d} of the quaternion")?,
+                }
+                if *inverse && hold[0] != 'x' { write!(f, " of the inverse turn") } else { Ok(()) }
             }
             Self::OtherZero { column, zero } => {
                 write!(f, "{column} counts from a zero that is {:.0} deg away", zero.to_degrees())

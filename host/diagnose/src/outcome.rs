@@ -181,6 +181,9 @@ pub struct OtherReading {
     /// What would have to be so.
     #[serde(flatten)]
     pub misreading: Misreading,
+    /// The error of the log as it is read, where it is of other axes than those of the norm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub as_read: Option<Number>,
     /// The error of the model as it is, in that reading; of signals with all laws fitted, in turn.
     pub error: Number,
 }

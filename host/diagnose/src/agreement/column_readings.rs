@@ -115,6 +115,26 @@ fn in_unit(columns: Vec<String>, factor: f64) -> Hypothesis {
     Hypothesis::of(Misreading::ColumnScale { columns, factor }, reading)
 }
 
+/// A quaternion whose columns hold its numbers in another order, or the inverse turn.
+pub(super) fn quaternions() -> Vec<(Misreading, ColumnReading)> {
+    let mut all = Vec::new();
+    // What the columns qx, qy, qz and qw hold; as `scipy` and ROS write it, and as Eigen's constructor, MuJoCo and most papers do.
+    for hold in [['x', 'y', 'z', 'w'], ['w', 'x', 'y', 'z'], ['y', 'z', 'w', 'x']] {
+        for inverse in [false, true] {
+            if hold[0] == 'x' && !inverse {
+                continue;
+            }
+            let columns = ["qx", "qy", "qz", "qw"];
+            let of = hold.iter().zip(columns).map(|(part, column)| {
+                let factor = if inverse && *part != 'w' { -1.0 } else { 1.0 };
+                (format!("q{part}"), column.to_string(), factor)
+            });
+            all.push((Misreading::Quaternion { hold, inverse }, ColumnReading::taken(of)));
+        }
+    }
+    all
+}
+
 /// Each two groups of columns exchanged.
 fn pairs_exchanged(groups: &[Vec<String>]) -> Vec<Hypothesis> {
     let pairs = (0..groups.len()).flat_map(|a| (a + 1..groups.len()).map(move |b| (a, b)));

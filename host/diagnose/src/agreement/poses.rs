@@ -82,7 +82,7 @@ pub(crate) fn agreement(arm: &Arm, run: &Run) -> Agreement {
     // Where no word is measured twice in turn, a word later is a row later.
     match best.or_else(|| comparison.best_by_word(&as_read).filter(is_much_less)) {
         Some((misreading, other_m)) => {
-            Agreement::Otherwise(OtherReading { misreading, error: Number::new(other_m, "m") })
+            Agreement::Otherwise(OtherReading { misreading, as_read: None, error: Number::new(other_m, "m") })
         }
         None if 1.0 - (error_m / motion_m).powi(2) < MIN_EXPLAINED => Agreement::Hardly(FEW),
         None => Agreement::AsRead,

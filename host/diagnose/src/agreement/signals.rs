@@ -2,15 +2,15 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use super::column_readings::{hypotheses, units};
+use super::column_readings::{hypotheses, quaternions, units};
 use super::comparison::{AxisLeft, Better, Comparison, Laws};
 use super::training::{Training, size, variation};
 use super::{Agreement, FEW};
 use crate::effect::Law;
-use crate::linearise::columns;
 use crate::linearise::experiment::Experiment;
 use crate::linearise::model::Model;
 use crate::linearise::model_effects::ModelEffect;
+use crate::linearise::{columns, linearise, measured_tool};
 use crate::misreading::Misreading;
 use crate::outcome::{Number, OtherReading};
 use crate::prepare::signals::Prepared;
@@ -21,11 +21,17 @@ const NEAR: f64 = 0.1;
 /// robot have neither friction nor motors, and explain little.
 const WORSE_THAN_NONE: f64 = -1.0;
 
+/// A tool whose turns are off by less than this share under another order of its quaternion was written in that order.
+const MUCH_LESS_TURNED: f64 = 0.25;
+
 /// How the training rows of a table agree with its model; `experiment` is of the table as it is read.
 pub(crate) fn agreement(model: &Model, data: &Prepared, experiment: &Experiment) -> FirstLook {
-    // The frame of an instrument that measures a tool may be anywhere: only the model with what was found is compared.
-    let training = Training::of(experiment).filter(|_| !experiment.kind.is_of_tool());
-    let Some(training) = training else { return Agreement::AsRead.into() };
+    if experiment.kind.is_of_tool() {
+        // The frame of an instrument that measures a tool may be anywhere: only the model with what was found is compared, and
+        // the turns of the tool.
+        return quaternion_reading(model, data, experiment).map_or(Agreement::AsRead, Agreement::Otherwise).into();
+    }
+    let Some(training) = Training::of(experiment) else { return Agreement::AsRead.into() };
     let is_near = (0..experiment.n_norm).all(|axis| training.share(experiment, axis) < NEAR);
     if is_near {
         return Agreement::AsRead.into();
@@ -119,7 +125,20 @@ pub(crate) fn explained(experiment: &Experiment, residuals: &[f64]) -> f64 {
 }
 
 fn other_reading(misreading: Misreading, error: f64, experiment: &Experiment) -> OtherReading {
-    OtherReading { misreading, error: Number::new(error, experiment.unit()) }
+    OtherReading { misreading, as_read: None, error: Number::new(error, experiment.unit()) }
+}
+
+/// The order or sense of the quaternion in which the tool turns as it is predicted to, where it does not as it is read.
+fn quaternion_reading(model: &Model, data: &Prepared, experiment: &Experiment) -> Option<OtherReading> {
+    let as_read = measured_tool::turn_error(data, experiment)?;
+    let read = quaternions().into_iter().filter_map(|(misreading, columns)| {
+        let data = data.read_as(columns, 0, usize::MAX);
+        Some((misreading, measured_tool::turn_error(&data, &linearise(model, &data).ok()?)?))
+    });
+    let (misreading, error) = read.min_by(|a, b| a.1.total_cmp(&b.1))?;
+    let rad = |error| Number::new(error, "rad");
+    let reading = OtherReading { misreading, as_read: Some(rad(as_read)), error: rad(error) };
+    (error < MUCH_LESS_TURNED * as_read).then_some(reading)
 }
 
 #[cfg(test)]

@@ -15,11 +15,12 @@ use darm_core::real::{Mat3, Vec3};
 use darm_core::se::{Pose, Twist, rotation_exp, rotation_jacobian, rotation_log};
 use nalgebra::{DMatrix, DVector, Quaternion, UnitQuaternion};
 
+use crate::agreement::trimmed_root_mean_square;
 use crate::effect::{Law, Place, Site};
 use crate::linearise::experiment::{Axis, Candidate, Columns, Curvature, Experiment, Moving, Value};
 use crate::linearise::serial_chain::{self, FrameChain, SerialChain};
 use crate::measured::Measured;
-use crate::measurement::rigid_motion::nearest_motion;
+use crate::measurement::rigid_motion::{nearest_motion, nearest_rotation};
 use crate::prepare::signals::{PrepareError, Prepared};
 use darm_robot::robot::Robot;
 
@@ -117,6 +118,25 @@ fn poses(data: &Prepared, oriented: bool) -> Result<Vec<Pose<f64>>, PrepareError
     let pose =
         |row: usize| Pose { position: Vec3::from_fn(|axis, _| position[axis][row]), rotation: rotation(&turn, row) };
     Ok((0..data.rows.len()).map(pose).collect())
+}
+
+/// How far the tool turns other than predicted in the training rows, rad: root mean square without the farthest rows, after the best
+/// turn of the tool on the flange, of which a model may know nothing. `None` where only its position was measured.
+pub(crate) fn turn_error(data: &Prepared, experiment: &Experiment) -> Option<f64> {
+    if experiment.kind != Measured::ToolPose {
+        return None;
+    }
+    let measured = poses(data, true).ok()?;
+    let training = (0..measured.len()).filter(|row| !experiment.rows[*row].held_out);
+    let pairs: Vec<(Mat3<f64>, Mat3<f64>)> = training
+        .map(|row| {
+            let off = Vec3::from_column_slice(&experiment.residuals[6 * row + 3..6 * row + 6]);
+            (rotation_exp(&off) * measured[row].rotation, measured[row].rotation)
+        })
+        .collect();
+    let on_flange = nearest_rotation(&pairs.iter().map(|(own, seen)| own.transpose() * seen).sum());
+    let angle = |(own, seen): &(Mat3<f64>, Mat3<f64>)| rotation_log(&((own * on_flange).transpose() * seen)).norm();
+    (!pairs.is_empty()).then(|| trimmed_root_mean_square(pairs.iter().map(angle).collect()))
 }
 
 /// The rotation in a row by the columns x, y, z and w of its quaternion; the identity without columns.

@@ -26,6 +26,11 @@ impl ColumnReading {
         Self(pairs.map(|(own, other)| (own.clone(), Source::of(other, 1.0, 0))).collect())
     }
 
+    /// Each first quantity is the second one times a factor.
+    pub(crate) fn taken(from: impl Iterator<Item = (String, String, f64)>) -> Self {
+        Self(from.map(|(own, other, factor)| (own, Source::of(&other, factor, 0))).collect())
+    }
+
     /// Quantities times a factor.
     pub(crate) fn scaled(quantities: &[String], factor: f64) -> Self {
         Self(quantities.iter().map(|own| (own.clone(), Source::of(own, factor, 0))).collect())

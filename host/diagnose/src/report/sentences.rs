@@ -137,7 +137,8 @@ fn verdict(diagnosis: &Diagnosis) -> String {
 fn wrong_model_or_log(diagnosis: &Diagnosis) -> String {
     let before = readable(&diagnosis.error.before.train.norm);
     match &diagnosis.other_reading {
-        Some(OtherReading { misreading, error }) => {
+        Some(OtherReading { misreading, as_read, error }) => {
+            let before = as_read.as_ref().map_or(before, readable);
             let after = readable(error);
             format!(
                 "The model or the log is wrong, so no effect is named. They agree if {misreading}: the error falls from {} {} \

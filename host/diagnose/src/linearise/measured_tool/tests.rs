@@ -11,6 +11,7 @@ use crate::diagnosis::{SignalOptions, diagnose_table};
 use crate::linearise::faulty_robot_cases::{Fault, Faulty, JOINTS, cases, named, normal, panda};
 use crate::linearise::model::{Model, What};
 use crate::measurement::table::{Names, Table};
+use crate::misreading::Misreading;
 use crate::outcome::Verdict;
 
 const POSTURES: usize = 150;
@@ -136,4 +137,44 @@ fn positions_of_other_rows_are_no_noise() {
         [0, 1, 4].map(measured_late),
         [Verdict::NoEffect, Verdict::UnexplainedStructure, Verdict::WrongModelOrLog]
     );
+}
+
+/// Of an oriented tool whose turns nobody could follow, 112° off, effects were named that its positions show.
+#[test]
+fn a_quaternion_in_another_order_or_of_the_inverse_turn_is_recognised() {
+    let robot = panda();
+    let (tool, mut random) = (robot.frame(TOOL).unwrap(), ChaCha8Rng::seed_from_u64(SEED));
+    let postures: Vec<Vec<f64>> = (0..80).map(|_| posture(&robot, &mut random)).collect();
+    let chain = SerialChain::in_postures(&robot, tool, postures.clone().into_iter(), true);
+    let elsewhere = Pose::new(&Vec3::new(0.3, -1.1, 2.0), Vec3::new(1.5, -0.4, 0.8));
+    let noisy = |pose: Pose<f64>, random: &mut ChaCha8Rng| Pose {
+        rotation: pose.rotation * rotation_exp(&(normal(random) * 1e-3)),
+        position: pose.position + normal(random) * NOISE_M,
+    };
+    let poses: Vec<Pose<f64>> = chain
+        .frames(&vec![0.0; chain.n_values()])
+        .iter()
+        .map(|chain| noisy(elsewhere * chain.tool, &mut random))
+        .collect();
+    let reading = |hold: [usize; 4], inverse: bool| {
+        let mut text = String::from("q1,q2,q3,q4,q5,q6,q7,x,y,z,qx,qy,qz,qw\n");
+        for (q, pose) in postures.iter().zip(&poses) {
+            let turn = UnitQuaternion::from_matrix(&if inverse { pose.rotation.transpose() } else { pose.rotation });
+            let parts: [f64; 4] = turn.coords.into();
+            let held = hold.map(|part| parts[part]);
+            let numbers = q[..JOINTS].iter().chain(pose.position.iter()).chain(&held);
+            text += &format!("{}\n", numbers.map(f64::to_string).collect::<Vec<_>>().join(","));
+        }
+        let table = Table::read_text(Path::new("a.csv"), text.as_bytes(), &Names::new()).unwrap().0;
+        let how = MeasuredTool { tool: Some(TOOL.into()), oriented: true, in_base_frame: false };
+        let model = Model::from(What::Tool(robot.clone(), how));
+        let found =
+            diagnose_table(&model, &table, &SignalOptions { seed: 1, ..SignalOptions::default() }).unwrap().diagnosis;
+        found.other_reading.map(|other| (other.misreading, found.verdict))
+    };
+    let quaternion = |hold, inverse| Some((Misreading::Quaternion { hold, inverse }, Verdict::WrongModelOrLog));
+    assert_eq!(reading([0, 1, 2, 3], false), None);
+    assert_eq!(reading([3, 0, 1, 2], false), quaternion(['w', 'x', 'y', 'z'], false));
+    assert_eq!(reading([1, 2, 3, 0], true), quaternion(['y', 'z', 'w', 'x'], true));
+    assert_eq!(reading([0, 1, 2, 3], true), quaternion(['x', 'y', 'z', 'w'], true));
 }
