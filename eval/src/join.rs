@@ -10,7 +10,7 @@ use darm_figures::measured;
 use darm_figures::merge::Merged as Results;
 use darm_figures::root;
 
-use crate::{bench, blind, calibrate, demo, faults, papers};
+use crate::{bench, blind, calibrate, faults, papers};
 
 /// Joins the result files of a run that was spread over processes, and prints its table
 ///
@@ -40,7 +40,7 @@ impl Merge {
             blind::Mechanisms::COMMAND => self.report::<blind::Mechanisms>(runs),
             calibrate::Clean::COMMAND => self.report::<calibrate::Clean>(runs),
             calibrate::Effects::COMMAND => self.report::<calibrate::Effects>(runs),
-            demo::Sweep::COMMAND => self.report::<demo::Sweep>(runs),
+            darm_demo::Sweep::COMMAND => self.report::<darm_demo::Sweep>(runs),
             bench::SynthesisSweep::COMMAND => self.report::<bench::SynthesisSweep>(runs),
             bench::Reach::COMMAND => self.report::<bench::Reach>(runs),
             faults::Job::COMMAND => self.report::<faults::Job>(runs),
@@ -132,10 +132,10 @@ mod tests {
         assert_eq!(items::<blind::Mechanisms>(json!({ "first_seed": 1 })).len(), 23);
         assert_eq!(items::<blind::Damages>(json!({ "logs": 2, "first_seed": 1 })).len(), 2 * 81);
         assert_eq!(
-            items::<demo::Sweep>(json!({ "seeds": 2, "arm": "planar", "effect": "play" })),
+            items::<darm_demo::Sweep>(json!({ "seeds": 2, "arm": "planar", "effect": "play" })),
             ["seed 1", "seed 2"]
         );
-        assert_eq!(items::<demo::Sweep>(json!({ "seeds": 1, "arm": "hybrid", "effect": null })).len(), 1);
+        assert_eq!(items::<darm_demo::Sweep>(json!({ "seeds": 1, "arm": "hybrid", "effect": null })).len(), 1);
         assert_eq!(items::<calibrate::Effects>(json!({ "seeds": 2, "first_seed": 1 })).len(), 2 * 6);
         assert_eq!(items::<calibrate::Clean>(json!({ "arms": 3, "first_seed": 1 })).len(), 3);
         assert_eq!(items::<bench::SynthesisSweep>(json!({})).len(), 17 * 200 + 100);

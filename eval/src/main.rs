@@ -4,7 +4,6 @@
 mod bench;
 mod blind;
 mod calibrate;
-mod demo;
 mod faults;
 mod join;
 mod papers;
@@ -29,7 +28,7 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Task {
-    Demo(demo::Demo),
+    Demo(darm_demo::Demo),
     Bench(bench::Bench),
     Papers(papers::Papers),
     Blind(blind::Blind),

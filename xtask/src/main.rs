@@ -48,7 +48,7 @@ enum Task {
 
 fn main() -> ExitCode {
     let result = match Cli::parse().task {
-        Task::Demo(arguments) => start::measurement("demo", &arguments),
+        Task::Demo(arguments) => start::demo(&arguments),
         Task::Bench(arguments) => start::measurement("bench", &arguments),
         Task::Papers(arguments) => start::measurement("papers", &arguments),
         Task::Blind(arguments) => start::measurement("blind", &arguments),

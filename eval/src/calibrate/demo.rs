@@ -15,7 +15,7 @@ use darm_figures::shard::Shard;
 use serde::{Deserialize, Serialize};
 
 use super::{Simulated, calibrate};
-use crate::demo::ArmKind;
+use darm_demo::ArmKind;
 
 /// Effects of the demo, each with seeds from a first one on.
 #[derive(Serialize, Deserialize)]

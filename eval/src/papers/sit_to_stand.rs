@@ -16,7 +16,7 @@ use std::fs;
 use std::path::PathBuf;
 
 use anyhow::{Context, Result};
-use darm::report::page_of;
+use darm_arm::draw::page::page;
 use maud::html;
 
 use motions::Study;
@@ -67,7 +67,7 @@ impl SitToStand {
         let study = Study { robots: &robots, drawn: &drawn, seed: self.seed, folder: &folder };
         let pictures = motions::map_both(&mut figures, &progress, &study)?;
         let body = html! { @for (title, svg) in &pictures { section { h2 { (title) } (maud::PreEscaped(svg)) } } };
-        fs::write(folder.join("report.html"), page_of("Sit to stand", &body))?;
+        fs::write(folder.join("report.html"), page("Sit to stand", &body))?;
         progress.say(format!("pictures and tables are in {}", folder.display()));
         println!(
             "\nThe paper has one figure: 19.6 mm RMS of the centre of pressure on 9 of 88 postures. Sensor noise alone makes"

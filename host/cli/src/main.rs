@@ -10,6 +10,7 @@ mod interrupt;
 mod interrupted;
 mod number_text;
 mod output_file;
+mod pages;
 mod port;
 mod state_folder;
 mod ui;

@@ -4,13 +4,13 @@ use std::fs;
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
-use darm::report::{MotionReport, along_time, chair_along_time, sagittal, sagittal_plane};
 use darm_arm::draw::palette::{AZURE, Color, GREEN, RED, SKY};
 use darm_core::real::Vec3;
 use darm_core::se::Pose;
 use darm_papers::motion::demonstration::{Demonstration, Style, demonstrate};
 use darm_papers::motion::execution::Executed;
 use darm_papers::motion::mapping::{Mapped, map};
+use darm_papers::motion::page::{MotionReport, along_time, chair_along_time, sagittal, sagittal_plane};
 use darm_papers::motion::person::{Person, com, person};
 use darm_papers::motion::setup::Setup;
 use darm_papers::motion::{Capture, Posture, lift_off};

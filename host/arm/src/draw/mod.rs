@@ -1,6 +1,7 @@
 //! Pictures: postures as lines in space ([`Scene`]) and their views as SVG ([`svg`]), charts, and the colours of both.
 
 pub mod chart;
+pub mod page;
 pub mod palette;
 mod views;
 

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use anyhow::Context as _;
-use darm::report::{SourceFile, diagnosis_page};
+use darm_arm::draw::page::SourceFile;
 use darm_diagnose::correction::Keep;
 use darm_diagnose::measurement::Finding;
 use darm_diagnose::outcome::{Diagnosis, Effect, ErrorFigure, Number};
@@ -17,6 +17,7 @@ use serde::Serialize;
 
 use crate::exchanged;
 use crate::output_file::{self, Syntax};
+use crate::pages::diagnosis::diagnosis_page;
 use crate::ui::{Answer, Ui, columns};
 use how::{How, NewModel, Task};
 

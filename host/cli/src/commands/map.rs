@@ -4,7 +4,6 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::Context as _;
-use darm::report::density;
 use darm_arm::arm::Arm;
 use darm_arm::reach::map::{Map as Density, Place, Resolution, holes};
 use serde::Serialize;
@@ -12,6 +11,7 @@ use serde::Serialize;
 use super::servos::ServoArgs;
 use crate::failure::Usage;
 use crate::output_file::{self, Syntax};
+use crate::pages::density;
 use crate::ui::{Answer, Ui};
 use darm_diagnose::measurement::csv_text::csv_text;
 

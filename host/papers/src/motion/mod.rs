@@ -23,6 +23,7 @@ mod forces;
 mod lift_off;
 pub mod mapping;
 mod markers;
+pub mod page;
 pub mod person;
 mod placed;
 pub mod setup;

@@ -146,7 +146,7 @@ impl Identify {
             output_file::write_text(path, Syntax::Json, &text)?;
         }
         if let Some(path) = &self.report {
-            let page = darm::report::plain_page("Identified link masses", &identified.text());
+            let page = darm_arm::draw::page::plain_page("Identified link masses", &identified.text());
             output_file::write_text(path, Syntax::Html, &page)?;
         }
         ui.print(&identified)

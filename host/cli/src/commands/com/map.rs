@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use darm::report::{MotionReport, motion_page};
 use darm_papers::identify::{LinkMass, with_masses};
 use darm_papers::motion::execution::{Executed, Gains, execute};
 use darm_papers::motion::mapping::{Mapped, map};
+use darm_papers::motion::page::{MotionReport, motion_page};
 use darm_papers::motion::person::{CopError, Person, Scale, WITHIN_M, person};
 use darm_papers::motion::setup::Setup;
 use darm_papers::motion::{Balance, Capture, LiftOffBy, feed_forward};

@@ -4,15 +4,14 @@ use std::time::SystemTime;
 
 use maud::{Markup, html};
 
-use super::diagnosis::{SourceFile, date, file_table};
-use super::skeleton::skeleton;
 use super::{Closure, LoopReport, PaperFigures, SynthesisFigures, drawing};
+use darm_arm::draw::page::{SourceFile, date, file_table, skeleton};
 use darm_diagnose::outcome::Verdict;
 use darm_diagnose::report::numbers::mm;
 use darm_diagnose::report::tables::tables_and_plots;
 
 /// The page, self-contained: of a loop that ended `at` this time and wrote these files.
-pub fn page(report: &LoopReport, files: &[SourceFile], at: SystemTime) -> Markup {
+pub(crate) fn page(report: &LoopReport, files: &[SourceFile], at: SystemTime) -> Markup {
     let body = html! {
         (head(report, at))
         (figures(report))
@@ -240,14 +239,14 @@ fn closure_table(closure: &Closure) -> Markup {
 
 impl Closure {
     /// Whether the error is within the goal.
-    pub fn met(&self) -> bool {
+    pub(crate) fn met(&self) -> bool {
         self.after_m <= self.goal_m
     }
 }
 
 impl SynthesisFigures {
     /// The largest distance (m) and angle (rad) of all frames.
-    pub fn largest(&self) -> (f64, f64) {
+    pub(crate) fn largest(&self) -> (f64, f64) {
         let frames = self.frames.iter();
         frames.fold((0.0, 0.0), |(m, rad), frame| (f64::max(m, frame.error_m), f64::max(rad, frame.error_rad)))
     }

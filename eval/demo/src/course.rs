@@ -1,7 +1,6 @@
 //! One course of the loop: synthesis, table, board, measurement, diagnosis, and both ways to close it.
 
 use anyhow::{Context, Result};
-use darm::report::PlanFigures;
 use darm_arm::arm::{Arm, frames::DesiredFrame};
 use darm_arm::plan::Visit;
 use darm_arm::reach::better_words::better_words;
@@ -19,10 +18,11 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeSet;
 
-use super::conditions::Trend;
-use super::measure::{Measured, Station, Stop, measure};
-use super::rig::Rig;
-use super::task::{Design, Task};
+use crate::conditions::Trend;
+use crate::measure::{Measured, Station, Stop, measure};
+use crate::report::PlanFigures;
+use crate::rig::Rig;
+use crate::task::{Design, Task};
 use darm_figures::progress::Progress;
 
 /// How long the arm rests in each visit once it has settled: two pictures of the camera and some time to spare.
@@ -283,8 +283,8 @@ mod tests {
     use darm_diagnose::truth::Kind;
     use darm_figures::progress::Progress;
 
-    use super::super::ArmKind;
-    use super::super::rig::Rig;
+    use crate::ArmKind;
+    use crate::rig::Rig;
 
     #[test]
     fn words_alone_bring_an_arm_of_64_6_words_to_its_positions_again() {

@@ -14,29 +14,29 @@ use darm_arm::arm::{Arm, ArmScratch};
 const SCALE: f64 = 62.0;
 
 /// A line from (x, y) to (x, y), m.
-pub type Line = [[f64; 2]; 2];
+pub(crate) type Line = [[f64; 2]; 2];
 
 /// An arm's parts as lines, in the base frame.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Posture {
+pub(crate) struct Posture {
     /// Legs in state 0.
-    pub contracted: Vec<Line>,
+    pub(crate) contracted: Vec<Line>,
     /// Legs in any other state.
-    pub extended: Vec<Line>,
+    pub(crate) extended: Vec<Line>,
     /// The number of the actuator of each contracted leg.
-    pub contracted_actuators: Vec<usize>,
+    pub(crate) contracted_actuators: Vec<usize>,
     /// The same of the extended ones.
-    pub extended_actuators: Vec<usize>,
+    pub(crate) extended_actuators: Vec<usize>,
     /// Plates between stages, from the leftmost anchor to the rightmost; links.
-    pub plates: Vec<Line>,
+    pub(crate) plates: Vec<Line>,
     /// Where the servo joints are: x, y in m.
-    pub servos: Vec<[f64; 2]>,
+    pub(crate) servos: Vec<[f64; 2]>,
     /// The tool: x, y in m, angle in rad.
-    pub tool: [f64; 3],
+    pub(crate) tool: [f64; 3],
 }
 
 /// The posture of an arm's ideal geometry for the word of a frame; `None` where it has none.
-pub fn posture(arm: &Arm, frame: &DesiredFrame, scratch: &mut ArmScratch) -> Option<Posture> {
+pub(crate) fn posture(arm: &Arm, frame: &DesiredFrame, scratch: &mut ArmScratch) -> Option<Posture> {
     let chain = &arm.model.chain;
     let tool = chain.pose_base_tool(&frame.word, &frame.servos_rad, scratch).ok()?;
     let mut posture = Posture {

@@ -10,7 +10,7 @@ use darm_arm::reach::map::{Place, Spot};
 const LONG: f64 = 800.0;
 
 /// The SVG of all words seen along the axis that is not one of `axes` (0 is x, 1 is y, 2 is z), with squares of `cell_m`.
-pub fn svg(spots: &BTreeMap<Place, Spot>, axes: [usize; 2], cell_m: f64) -> String {
+pub(crate) fn svg(spots: &BTreeMap<Place, Spot>, axes: [usize; 2], cell_m: f64) -> String {
     let mut squares: BTreeMap<[i16; 2], f64> = BTreeMap::new();
     for (place, spot) in spots {
         *squares.entry(axes.map(|axis| place[axis])).or_default() += spot.words;

@@ -2,12 +2,8 @@
 //!
 //! All three are rendered from one value, [`LoopReport`].
 
-pub mod density;
-mod diagnosis;
 mod drawing;
 mod html;
-mod motion;
-mod skeleton;
 mod terminal;
 
 use std::io;
@@ -19,15 +15,12 @@ use serde::Serialize;
 
 use darm_arm::arm::frames::DesiredFrame;
 use darm_arm::arm::{Arm, ArmScratch};
+use darm_arm::draw::page::SourceFile;
 use darm_diagnose::outcome::Diagnosis;
 use darm_diagnose::truth::Sealed;
-pub use diagnosis::{SourceFile, diagnosis_page};
-pub use drawing::{Line, Posture, posture};
-pub use html::page;
-pub use motion::{
-    MotionReport, along_time, chair_along_time, motion_page, page as page_of, plain_page, sagittal, sagittal_plane,
-};
-pub use terminal::table;
+use drawing::{Posture, posture};
+use html::page;
+pub(crate) use terminal::table;
 
 /// Files of a loop besides its report: what each is, and its name.
 const FILES: [(&str, &str); 3] = [
@@ -37,178 +30,178 @@ const FILES: [(&str, &str); 3] = [
 ];
 
 /// Errors and time of the synthesis in the paper: errors of 1e-7 m and 1e-9 degrees after 10² s.
-pub const PAPER: PaperFigures = PaperFigures { error_m: 1e-7, error_rad: 1.745_329_25e-11, time_s: 1e2 };
+pub(crate) const PAPER: PaperFigures = PaperFigures { error_m: 1e-7, error_rad: 1.745_329_25e-11, time_s: 1e2 };
 
 /// Figures of one calibration loop.
 #[derive(Clone, Debug, Serialize)]
-pub struct LoopReport {
+pub(crate) struct LoopReport {
     /// Name of the arm.
-    pub arm: String,
+    pub(crate) arm: String,
     /// Seed of everything that was drawn.
-    pub seed: u64,
+    pub(crate) seed: u64,
     /// Version of this program.
-    pub version: String,
+    pub(crate) version: String,
     /// Board that ran the firmware.
-    pub board: String,
+    pub(crate) board: String,
     /// Total time, s.
-    pub time_s: f64,
+    pub(crate) time_s: f64,
     /// Synthesis from the desired frames; `None` of an arm that stays as it is.
-    pub synthesis: Option<SynthesisFigures>,
+    pub(crate) synthesis: Option<SynthesisFigures>,
     /// The measurement plan.
     #[serde(rename = "measurement_plan")]
-    pub plan: PlanFigures,
+    pub(crate) plan: PlanFigures,
     /// Result of the diagnosis.
-    pub diagnosis: Diagnosis,
+    pub(crate) diagnosis: Diagnosis,
     /// Injected effect, revealed after the verdict; `None` for a real arm.
-    pub truth: Option<Sealed>,
+    pub(crate) truth: Option<Sealed>,
     /// Adjustments of the stops.
     #[serde(rename = "adjustments")]
-    pub stops: Vec<StopFigure>,
+    pub(crate) stops: Vec<StopFigure>,
     /// Closures of the loop and their results.
-    pub closures: Vec<Closure>,
+    pub(crate) closures: Vec<Closure>,
     /// The initial and the synthesised arm in each desired frame.
-    pub drawing: Drawing,
+    pub(crate) drawing: Drawing,
 }
 
 /// Figures of a synthesis.
 #[derive(Clone, Debug, Serialize)]
-pub struct SynthesisFigures {
+pub(crate) struct SynthesisFigures {
     /// Sufficient, insufficient or redundant.
-    pub case: String,
+    pub(crate) case: String,
     /// Steps.
-    pub iterations: u32,
+    pub(crate) iterations: u32,
     /// Time, s.
-    pub time_s: f64,
+    pub(crate) time_s: f64,
     /// Change of the stops (RSS), m.
-    pub alteration_m: f64,
+    pub(crate) alteration_m: f64,
     /// Each desired frame.
-    pub frames: Vec<FrameFigure>,
+    pub(crate) frames: Vec<FrameFigure>,
     /// Figures printed in the paper.
-    pub paper: PaperFigures,
+    pub(crate) paper: PaperFigures,
     /// The paper's method run here on the same frames; `None` where it was not run.
-    pub paper_method: Option<PaperFigures>,
+    pub(crate) paper_method: Option<PaperFigures>,
 }
 
 /// Largest errors and time of a synthesis.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct PaperFigures {
+pub(crate) struct PaperFigures {
     /// Largest distance, m.
-    pub error_m: f64,
+    pub(crate) error_m: f64,
     /// Largest angle, rad.
-    pub error_rad: f64,
+    pub(crate) error_rad: f64,
     /// Time, s.
-    pub time_s: f64,
+    pub(crate) time_s: f64,
 }
 
 /// Error of the synthesis at a desired frame.
 #[derive(Clone, Debug, Serialize)]
-pub struct FrameFigure {
+pub(crate) struct FrameFigure {
     /// Its name.
-    pub name: String,
+    pub(crate) name: String,
     /// Its word.
-    pub word: String,
+    pub(crate) word: String,
     /// Distance before, m.
-    pub before_m: f64,
+    pub(crate) before_m: f64,
     /// Distance, m.
-    pub error_m: f64,
+    pub(crate) error_m: f64,
     /// Angle, rad.
-    pub error_rad: f64,
+    pub(crate) error_rad: f64,
 }
 
 /// Figures of a measurement plan.
 #[derive(Clone, Debug, Serialize)]
-pub struct PlanFigures {
+pub(crate) struct PlanFigures {
     /// Different words.
-    pub words: usize,
+    pub(crate) words: usize,
     /// Of these held out.
-    pub held_out: usize,
+    pub(crate) held_out: usize,
     /// Visits of each word.
-    pub visits: usize,
+    pub(crate) visits: usize,
     /// Exact repeats among the rows.
-    pub repeats: usize,
+    pub(crate) repeats: usize,
     /// Rows that were measured.
-    pub rows: usize,
+    pub(crate) rows: usize,
     /// Rows of the board's table.
-    pub table_rows: usize,
+    pub(crate) table_rows: usize,
     /// Duration on the board, s.
-    pub time_s: f64,
+    pub(crate) time_s: f64,
 }
 
 /// Adjustment of one stop or anchor.
 #[derive(Clone, Debug, Serialize)]
-pub struct StopFigure {
+pub(crate) struct StopFigure {
     /// Which.
-    pub name: String,
+    pub(crate) name: String,
     /// From, m.
-    pub from_m: f64,
+    pub(crate) from_m: f64,
     /// To, m.
-    pub to_m: f64,
+    pub(crate) to_m: f64,
     /// Amount and direction.
     #[serde(rename = "adjustment")]
-    pub turn: String,
+    pub(crate) turn: String,
 }
 
 /// One way to close the loop.
 #[derive(Clone, Debug, Serialize)]
-pub struct Closure {
+pub(crate) struct Closure {
     /// What was done.
-    pub name: String,
+    pub(crate) name: String,
     /// Explanation.
-    pub note: String,
+    pub(crate) note: String,
     /// Each desired frame.
-    pub frames: Vec<ClosedFrame>,
+    pub(crate) frames: Vec<ClosedFrame>,
     /// Measured error before, RMS over the frames, m: distance d, or that of the positions where the orientation is free.
-    pub before_m: f64,
+    pub(crate) before_m: f64,
     /// The same after.
-    pub after_m: f64,
+    pub(crate) after_m: f64,
     /// Goal, m.
-    pub goal_m: f64,
+    pub(crate) goal_m: f64,
 }
 
 /// One desired frame, measured before and after.
 #[derive(Clone, Debug, Serialize)]
-pub struct ClosedFrame {
+pub(crate) struct ClosedFrame {
     /// Its name.
-    pub name: String,
+    pub(crate) name: String,
     /// Word before.
-    pub word_before: String,
+    pub(crate) word_before: String,
     /// Word after.
-    pub word_after: String,
+    pub(crate) word_after: String,
     /// Measured distance d from the desired frame before, m.
-    pub before_m: f64,
+    pub(crate) before_m: f64,
     /// The same after.
-    pub after_m: f64,
+    pub(crate) after_m: f64,
 }
 
 /// Lines of an arm in several frames.
 #[derive(Clone, Debug, Default, Serialize)]
-pub struct Drawing {
+pub(crate) struct Drawing {
     /// Of each actuator: number, name and outputs.
-    pub actuators: Vec<String>,
+    pub(crate) actuators: Vec<String>,
     /// Of each servo joint: number and name.
-    pub servos: Vec<String>,
+    pub(crate) servos: Vec<String>,
     /// In each desired frame.
-    pub frames: Vec<DrawnFrame>,
+    pub(crate) frames: Vec<DrawnFrame>,
 }
 
 /// The arm in one desired frame.
 #[derive(Clone, Debug, Serialize)]
-pub struct DrawnFrame {
+pub(crate) struct DrawnFrame {
     /// Name of the frame.
-    pub name: String,
+    pub(crate) name: String,
     /// The word.
-    pub word: String,
+    pub(crate) word: String,
     /// The initial arm.
-    pub base_line: Posture,
+    pub(crate) base_line: Posture,
     /// The synthesised arm.
-    pub synthesised: Posture,
+    pub(crate) synthesised: Posture,
     /// The desired frame: x, y in m, and the angle in rad.
-    pub desired: [f64; 3],
+    pub(crate) desired: [f64; 3],
 }
 
 impl LoopReport {
     /// Whether the diagnosis named the injected effect; `None` for a real arm.
-    pub fn named_rightly(&self) -> Option<bool> {
+    pub(crate) fn named_rightly(&self) -> Option<bool> {
         let truth = self.truth.as_ref()?;
         Some(match &self.diagnosis.effects[..] {
             [] => truth.is_nothing(),
@@ -222,7 +215,7 @@ impl LoopReport {
     /// # Errors
     ///
     /// The folder cannot be made, or a file in it cannot be written.
-    pub fn write(&self, folder: &Path) -> io::Result<()> {
+    pub(crate) fn write(&self, folder: &Path) -> io::Result<()> {
         std::fs::create_dir_all(folder)?;
         let read = |(kind, name): (&'static str, &str)| SourceFile::read(kind, &folder.join(name)).ok();
         let files: Vec<SourceFile> = FILES.into_iter().filter_map(read).collect();
@@ -233,7 +226,7 @@ impl LoopReport {
 
 impl Drawing {
     /// The two arms in each of the desired frames; frames without a pose are left out.
-    pub fn of(base_line: &Arm, synthesised: &Arm, desired: &[DesiredFrame]) -> Self {
+    pub(crate) fn of(base_line: &Arm, synthesised: &Arm, desired: &[DesiredFrame]) -> Self {
         let mut scratch = ArmScratch::default();
         let drawn = |frame| DrawnFrame::of(base_line, synthesised, frame, &mut scratch);
         let servo = |servo| format!("servo {servo}: {}", base_line.servo_name(servo));

@@ -9,13 +9,13 @@ use darm_figures::progress::Progress;
 use darm_figures::shard::Shard;
 use serde::{Deserialize, Serialize};
 
-use super::ArmKind;
-use super::course::{self, Course};
-use super::rig::Rig;
+use crate::ArmKind;
+use crate::course::{self, Course};
+use crate::rig::Rig;
 
 /// Seeds 1 to `seeds` of an arm.
 #[derive(Serialize, Deserialize)]
-pub(crate) struct Sweep {
+pub struct Sweep {
     pub(super) seeds: u64,
     pub(super) arm: ArmKind,
     #[serde(with = "effect")]
@@ -39,7 +39,7 @@ mod effect {
 
 /// What came of one seed.
 #[derive(Serialize, Deserialize)]
-pub(crate) struct Row {
+pub struct Row {
     is_named: bool,
     is_placed: bool,
     is_false_name: bool,

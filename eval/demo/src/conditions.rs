@@ -54,8 +54,8 @@ mod tests {
     use darm_core::se::Pose;
     use darm_diagnose::measurement::{Run, Sample};
 
-    use super::super::ArmKind;
     use super::Trend;
+    use crate::ArmKind;
 
     /// An arm that warms by 0.1 K in each second.
     fn warming(arm: &Arm) -> Run {

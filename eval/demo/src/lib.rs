@@ -3,6 +3,7 @@
 mod conditions;
 mod course;
 mod measure;
+mod report;
 mod rig;
 mod summary;
 mod sweep;
@@ -22,14 +23,14 @@ use serde::{Deserialize, Serialize};
 
 use course::Keep;
 use rig::Rig;
-pub(crate) use sweep::Sweep;
-use task::Task;
+pub use sweep::Sweep;
+pub use task::{Design, Task};
 use xtask::image;
 use xtask::setup::{self, Emulator};
 
 /// The complete loop: synthesis, table, upload, play, measure, diagnose, close; writes a report
 #[derive(clap::Args)]
-pub(crate) struct Demo {
+pub struct Demo {
     /// Which arm
     #[arg(long, value_enum, default_value = "planar")]
     arm: ArmKind,
@@ -58,7 +59,7 @@ pub(crate) struct Demo {
 /// An arm of the demo.
 #[derive(Clone, Copy, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(crate) enum ArmKind {
+pub enum ArmKind {
     /// Four planar modules, twelve bits
     Planar,
     /// The same on a servo joint
@@ -77,14 +78,24 @@ impl ArmKind {
         names.map(|name| setup::root().join("examples").join(name))
     }
 
-    pub(crate) fn task(self, seed: u64, effect: Option<Kind>) -> Result<Task> {
+    /// The task of one seed, with this effect or one that the seed draws.
+    ///
+    /// # Errors
+    ///
+    /// A file of the examples cannot be read.
+    pub fn task(self, seed: u64, effect: Option<Kind>) -> Result<Task> {
         let [arm, frames] = self.files();
         Task::read(&arm, &frames, seed, effect)
     }
 }
 
 impl Demo {
-    pub(crate) fn run(&self) -> Result<()> {
+    /// Runs the loop once with a report, or for many seeds with a table.
+    ///
+    /// # Errors
+    ///
+    /// The image does not build, a step of the loop fails, or a file cannot be written.
+    pub fn run(&self) -> Result<()> {
         match self.sweep {
             Some(seeds) => items::run(&Sweep { seeds, arm: self.arm, effect: self.effect }, &self.spread),
             None if self.spread.is_used() || self.spread.json.is_some() => {
@@ -114,7 +125,7 @@ impl Demo {
         let course = course::run(&task, design, &mut rig, &progress, &mut keep)?;
         let report = summary::report(&task, course, &rig.what, progress.elapsed_s())?;
         report.write(&self.out).with_context(|| format!("{} cannot be written", self.out.display()))?;
-        println!("{}", darm::report::table(&report));
+        println!("{}", report::table(&report));
         progress.say(format!("report: {}", self.out.join("report.html").display()));
         Ok(())
     }

@@ -9,7 +9,7 @@ use darm_diagnose::measurement::{Run, Sample};
 use darm_diagnose::truth::{TrueState, Truth};
 use rand_chacha::ChaCha8Rng;
 
-use super::rig::Rig;
+use crate::rig::Rig;
 use darm_figures::progress::Progress;
 
 /// Time between two questions to the board.

@@ -1,17 +1,50 @@
-//! The page of a diagnosis: verdict and next action first, then what shows it, then the files.
+//! The frame of all self-contained HTML pages, and the parts that they share: files with their digests, dates.
 
 use std::io;
 use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use darm_diagnose::outcome::Diagnosis;
-use darm_diagnose::report::tables::tables_and_plots;
-use maud::{Markup, html};
+use maud::{DOCTYPE, Markup, PreEscaped, html};
 use sha2::{Digest as _, Sha256};
 
-use super::skeleton::skeleton;
+use super::palette::{BLUE, GREEN, GRID, GROUND, INK, MUTED, ORANGE, PALE, PAPER, RED};
 
-/// A file that a diagnosis has read.
+/// The palette as variables of the style sheet.
+fn colors() -> String {
+    format!(
+        ":root {{ --ink: {INK}; --muted: {MUTED}; --pale: {PALE}; --line: {GRID}; --ground: {GROUND}; --paper: {PAPER}; \
+         --before: {ORANGE}; --after: {BLUE}; --good: {GREEN}; --bad: {RED}; }}\n"
+    )
+}
+
+/// A self-contained page: `title` is that of the window, `body` its content.
+pub fn skeleton(title: &str, body: &Markup) -> Markup {
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                title { "darm: " (title) }
+                style { (PreEscaped(colors())) (PreEscaped(include_str!("page/style.css"))) }
+            }
+            body { main { (body) } script { (PreEscaped(include_str!("page/page.js"))) } }
+        }
+    }
+}
+
+/// A page with these sections.
+pub fn page(title: &str, body: &Markup) -> String {
+    let body = html! { header { h1 { (title) } } (body) footer { "darm " (env!("CARGO_PKG_VERSION")) } };
+    skeleton(title, &body).into_string()
+}
+
+/// A page of preformatted text.
+pub fn plain_page(title: &str, text: &str) -> String {
+    page(title, &html! { section { pre { (text) } } })
+}
+
+/// A file that a page is made from.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SourceFile {
     /// What it is: `model`, `measurements`.
@@ -34,56 +67,8 @@ impl SourceFile {
     }
 }
 
-/// The page of a diagnosis of these files, the model first, made at this time; `next` is what a person does next.
-pub fn diagnosis_page(diagnosis: &Diagnosis, next: &str, files: &[SourceFile], at: SystemTime) -> Markup {
-    let name = files.first().map_or(diagnosis.kind.as_str(), |file| file.name.as_str());
-    let body = html! {
-        header {
-            h1 { "Diagnosis of " (name) }
-            p.sub { (diagnosis.kind) @if let Some(model) = diagnosis.model { " · model " (model) } " · " (date(at)) }
-        }
-        (verdict(diagnosis, next))
-        section { h2 { "Evidence" } (tables_and_plots(diagnosis)) }
-        @if !diagnosis.findings.is_empty() {
-            section { h2 { "Notes on the data" } @for finding in &diagnosis.findings { p { (finding) } } }
-        }
-        (sources(diagnosis, files))
-        footer { "darm " (diagnosis.version) " · seed " (diagnosis.seed) }
-    };
-    skeleton(name, &body)
-}
-
-fn verdict(diagnosis: &Diagnosis, next: &str) -> Markup {
-    let (verdict, others) = match &diagnosis.plain[..] {
-        [verdict, others @ ..] => (verdict.as_str(), others),
-        [] => ("", &[][..]),
-    };
-    html! {
-        section {
-            h2 { (verdict) }
-            p.next { b { "Next: " } (next) }
-            @for sentence in others { p { (sentence) } }
-        }
-    }
-}
-
-/// What was read, and how its rows were used.
-fn sources(diagnosis: &Diagnosis, files: &[SourceFile]) -> Markup {
-    let rows = &diagnosis.rows;
-    html! {
-        section {
-            h2 { "Files" }
-            (file_table(files))
-            p {
-                (rows.train) " rows fitted, " (rows.held_out) " held out: " (diagnosis.held_out) "; cross-validated over "
-                (diagnosis.left_out) "."
-            }
-        }
-    }
-}
-
 /// Files with their digests.
-pub(super) fn file_table(files: &[SourceFile]) -> Markup {
+pub fn file_table(files: &[SourceFile]) -> Markup {
     html! {
         table.files {
             thead { tr { th { "file" } th { "name" } th { "SHA-256" } } }
@@ -94,7 +79,7 @@ pub(super) fn file_table(files: &[SourceFile]) -> Markup {
 
 /// The day and minute in UTC, ISO 8601. Source of the calendar: H. Hinnant, chrono-Compatible Low-Level Date Algorithms,
 /// `civil_from_days`.
-pub(super) fn date(at: SystemTime) -> String {
+pub fn date(at: SystemTime) -> String {
     let seconds = at.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
     let (days, minutes) = (seconds / 86_400 + 719_468, seconds % 86_400 / 60);
     let (era, of_era) = (days / 146_097, days % 146_097);

@@ -4,7 +4,7 @@ use super::{LoopReport, SynthesisFigures, html::angle};
 use darm_diagnose::outcome::Verdict;
 
 /// The lines of the table, without colour.
-pub fn table(report: &LoopReport) -> String {
+pub(crate) fn table(report: &LoopReport) -> String {
     let mut rows: Vec<(String, String)> = Vec::new();
     let mut row = |name: &str, value: String| rows.push((name.into(), value));
     row("arm, board, seed", format!("{}, {}, seed {}", report.arm, report.board, report.seed));

@@ -1,16 +1,17 @@
 //! The report of a mapped motion: centre of mass and of pressure along time, and the centre of mass in the sagittal plane.
 
-use anyhow::Result;
 use darm_arm::draw::chart::{Axis, Chart, Corner, Series, Shape};
+use darm_arm::draw::page::page;
 use darm_arm::draw::palette::{BLUE, Color, GREEN, GRID, INK, PAPER, RED};
 use darm_core::real::Vec3;
-use maud::{Markup, PreEscaped, html};
+use maud::{PreEscaped, html};
 
-use super::skeleton::skeleton;
-use darm_papers::motion::execution::Executed;
-use darm_papers::motion::mapping::Mapped;
-use darm_papers::motion::person::{Person, com};
 use darm_robot::robot::Robot;
+
+use super::execution::Executed;
+use super::mapping::Mapped;
+use super::person::{Person, com};
+use super::trajectory::TrajectoryError;
 
 const PERSON: Color = GREEN;
 const PLANNED: Color = BLUE;
@@ -36,7 +37,7 @@ pub struct MotionReport<'a> {
 /// # Errors
 ///
 /// The robot of the report makes no tree of joints.
-pub fn along_time(report: &MotionReport<'_>) -> Result<Chart> {
+pub fn along_time(report: &MotionReport<'_>) -> Result<Chart, TrajectoryError> {
     let mapped = report.mapped;
     let over = |x: &dyn Fn(usize) -> f64| -> Vec<[f64; 2]> {
         mapped.time_s.iter().enumerate().map(|(k, time)| [*time, x(k)]).collect()
@@ -111,7 +112,7 @@ pub fn sagittal_plane(series: Vec<Series>) -> Chart {
 /// # Errors
 ///
 /// As [`along_time`].
-pub fn motion_page(robot: &str, report: &MotionReport<'_>) -> Result<String> {
+pub fn motion_page(robot: &str, report: &MotionReport<'_>) -> Result<String, TrajectoryError> {
     let mapped = report.mapped;
     let planned = sagittal("planned centre of mass", PLANNED, &mapped.com, mapped.lift_off);
     let plane = sagittal_plane(planned.into());
@@ -161,15 +162,4 @@ pub fn motion_page(robot: &str, report: &MotionReport<'_>) -> Result<String> {
         }
     };
     Ok(page(&format!("A person's motion on {robot}"), &body))
-}
-
-/// A page of preformatted text.
-pub fn plain_page(title: &str, text: &str) -> String {
-    page(title, &html! { section { pre { (text) } } })
-}
-
-/// A page with these sections.
-pub fn page(title: &str, body: &Markup) -> String {
-    let body = html! { header { h1 { (title) } } (body) footer { "darm " (env!("CARGO_PKG_VERSION")) } };
-    skeleton(title, &body).into_string()
 }

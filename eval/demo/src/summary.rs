@@ -1,15 +1,15 @@
 //! A course of the loop as the report wants it.
 
 use anyhow::Result;
-use darm::report::{
-    ClosedFrame, Closure, Drawing, FrameFigure, LoopReport, PAPER, PaperFigures, StopFigure, SynthesisFigures,
-};
 use darm_arm::arm::frames::DesiredFrame;
 use darm_arm::stops::Setting;
 use darm_arm::synthesis::{self, Method, Reached, Scheme, Synthesis, synthesize};
 
-use super::course::{Course, FrameErrors};
-use super::task::Task;
+use crate::course::{Course, FrameErrors};
+use crate::report::{
+    ClosedFrame, Closure, Drawing, FrameFigure, LoopReport, PAPER, PaperFigures, StopFigure, SynthesisFigures,
+};
+use crate::task::Task;
 
 /// Steps of the paper's own scheme: as many as the paper took.
 const PAPER_STEPS: u32 = 1000;

@@ -9,7 +9,7 @@ use darm_core::units::Word;
 use darm_diagnose::truth::Kind;
 
 /// What one course starts from.
-pub(crate) struct Task {
+pub struct Task {
     /// The initial arm.
     pub(crate) base_line: Arm,
     /// Where its tool is to go.
@@ -21,13 +21,13 @@ pub(crate) struct Task {
 }
 
 /// The arm that is built, and the desired frames with the words that bring its tool there.
-pub(crate) struct Design {
+pub struct Design {
     /// The arm.
-    pub(crate) arm: Arm,
+    pub arm: Arm,
     /// The frames.
-    pub(crate) wanted: Vec<DesiredFrame>,
+    pub wanted: Vec<DesiredFrame>,
     /// Where the geometry is made for the frames; `None` where the arm stays as it is.
-    pub(crate) synthesis: Option<Synthesis>,
+    pub synthesis: Option<Synthesis>,
 }
 
 impl Task {
@@ -39,7 +39,11 @@ impl Task {
     }
 
     /// Finds the geometry that meets the desired frames. Where they are positions with words, the arm stays as it is.
-    pub(crate) fn design(&self) -> Result<Design> {
+    ///
+    /// # Errors
+    ///
+    /// The synthesis fails.
+    pub fn design(&self) -> Result<Design> {
         if self.is_for_positions() {
             return Ok(Design { arm: self.base_line.clone(), wanted: self.desired.clone(), synthesis: None });
         }

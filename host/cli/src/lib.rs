@@ -1,3 +1,0 @@
-//! What the command line shares with the evaluation: reports as HTML.
-
-pub mod report;
