@@ -1,7 +1,7 @@
 //! Records that are written twice: one that is damaged would read as none.
 
 use embedded_storage_async::nor_flash::NorFlash;
-use sequential_storage::map::PostcardValue;
+use sequential_storage::map::{SerializationError, Value};
 use serde::{Deserialize, Serialize};
 
 use super::Store;
@@ -16,7 +16,18 @@ pub(super) struct Doubled<V> {
     version: u32,
 }
 
-impl<'a, V: Serialize + Deserialize<'a>> PostcardValue<'a> for Doubled<V> {}
+/// By hand: the feature `postcard` of `sequential-storage` turns on the default features of postcard, which are six more packages.
+impl<'a, V: Serialize + Deserialize<'a>> Value<'a> for Doubled<V> {
+    fn serialize_into(&self, buffer: &mut [u8]) -> Result<usize, SerializationError> {
+        // A full buffer is the only way in which a record of a fixed shape is not written.
+        postcard::to_slice(self, buffer).map(|used| used.len()).map_err(|_| SerializationError::BufferTooSmall)
+    }
+
+    fn deserialize_from(buffer: &'a [u8]) -> Result<(Self, usize), SerializationError> {
+        let value = postcard::from_bytes(buffer).map_err(|_| SerializationError::InvalidFormat)?;
+        Ok((value, buffer.len()))
+    }
+}
 
 pub(super) fn newer<V>([first, second]: [Option<Doubled<V>>; 2]) -> Option<Doubled<V>> {
     match (first, second) {
