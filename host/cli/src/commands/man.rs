@@ -10,6 +10,7 @@ use clap_mangen::Man as Page;
 use serde::Serialize;
 
 use super::Cli;
+use super::help::CONVENTIONS;
 use crate::ui::{Answer, Ui};
 
 const EXAMPLES: &str = "\
@@ -42,7 +43,7 @@ impl Man {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         let folder = &self.folder;
         std::fs::create_dir_all(folder).with_context(|| format!("cannot create the folder {}", folder.display()))?;
-        let mut command = Cli::command().disable_help_subcommand(true);
+        let mut command = Cli::command();
         // Names of subcommands become `darm-synth`, `darm-com-map`.
         command.build();
         write(&command, folder).with_context(|| format!("cannot write manual pages to {}", folder.display()))?;
@@ -55,7 +56,11 @@ fn write(command: &clap::Command, folder: &Path) -> std::io::Result<()> {
     for subcommand in command.get_subcommands() {
         write(subcommand, folder)?;
     }
-    let notes = command.get_after_help().map_or_else(String::new, |text| notes(&text.to_string()));
+    let mut after = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+    if command.get_name() == "darm" {
+        after += &format!("\n\n{CONVENTIONS}");
+    }
+    let notes = if after.is_empty() { after } else { notes(&after) };
     let source = format!("darm {}", env!("CARGO_PKG_VERSION"));
     let page = Page::new(command.clone().after_help(Resettable::Reset)).source(source).manual("darm");
     let mut text = Vec::new();

@@ -16,6 +16,7 @@ mod dynamics;
 mod fk;
 mod flash;
 mod grasp;
+mod help;
 mod ik;
 mod import;
 mod inertia;
@@ -42,29 +43,9 @@ mod upload;
 use crate::ui::Ui;
 
 /// Discretely actuated arms: synthesis, tables, upload, play, measurement, diagnosis, console
-///
-/// Typical sequence for a new arm:
-///
-///   darm synth planar4.toml planar4-frames.toml -o arm.toml         # geometry for desired frames
-///   darm sim arm.toml --effect stroke-loss                          # or a real board
-///   darm profile write --arm arm.toml                               # wiring and limits, once
-///   darm table arm.toml --measurement-plan --plan-words 28 --dwell 0.1 -o plan.darm   # timed rows
-///   darm upload plan.darm                                           # the board stores them
-///   darm record plan.darm -o run.csv                                # play and measure
-///   darm diagnose arm.toml run.csv -o arm2.toml                     # which effect is missing
-///   darm synth arm2.toml planar4-frames.toml -o arm3.toml           # with the better model
-///   darm adjust arm.toml arm3.toml                                  # by how many mm to turn stops
-///
-/// `darm calibrate` does the steps from the table on by itself, with fewer visits.
-///
-/// The examples here and in the help of each command use the files of the folder `examples`, and build on each other.
-///
-/// Arms, robots as URDF, MJCF and Denavit-Hartenberg tables: `darm fk`, `jacobian`, `ik`, `bench-ik`,
-/// `dynamics`, `com`, `model`, `inertia`, `odometry`, `draw`.
-///
-/// `darm sim` runs until Ctrl-C, in its own terminal; all commands find the simulated board. `darm serve` shows it in a browser.
 #[derive(clap::Parser, Debug)]
-#[command(name = "darm", version, verbatim_doc_comment, after_help = AFTER_HELP)]
+#[command(name = "darm", version, disable_help_subcommand = true)]
+#[command(help_template = help::template(), after_help = AFTER_HELP)]
 pub(crate) struct Cli {
     /// Print JSON on standard output, one object per line, in SI units
     #[arg(long, global = true)]
@@ -75,16 +56,27 @@ pub(crate) struct Cli {
 }
 
 const AFTER_HELP: &str = "\
+`darm help GROUP` says what the commands of a group do, `darm COMMAND --help` shows options and examples.
+
+A new arm, with the files of the folder `examples`:
+
+  darm synth planar4.toml planar4-frames.toml -o arm.toml         # geometry for desired frames
+  darm sim arm.toml --effect stroke-loss                          # or a real board
+  darm profile write --arm arm.toml                               # wiring and limits, once
+  darm table arm.toml --measurement-plan --plan-words 28 --dwell 0.1 -o plan.darm   # timed rows
+  darm upload plan.darm                                           # the board stores them
+  darm record plan.darm -o run.csv                                # play and measure
+  darm diagnose arm.toml run.csv -o arm2.toml                     # which effect is missing
+  darm synth arm2.toml planar4-frames.toml -o arm3.toml           # with the better model
+  darm adjust arm.toml arm3.toml                                  # by how many mm to turn stops
+
+`darm calibrate` does the steps from the table on by itself, with fewer visits. `darm sim` runs until Ctrl-C, in its own \
+terminal; all commands find the simulated board. `darm serve` shows it in a browser.
+
 Exit codes: 0 done, 1 failed, 2 invalid command line, 3 the board refused or is in its safe state, 4 no connection, \
 5 the board did not confirm a stop, 6 interrupted and stopped, 7 stopped by another program before its end.
 
-Conventions: options take mm, degrees and seconds; JSON has SI units, named by the ending of the key (_m, _rad, _s, _n). \
-Orientations are rotation vectors (axis times angle) in the frame of the base. A wrench is what the environment exerts on \
-the tool: moments first, then forces, along the axes of the base. Actuators, servos, outputs, inputs, rows and visits are \
-numbered from 0, actuators from the base; the first digit of a word is actuator 0. Modules, frames, postures and targets \
-are counted from 1, as their files list them.
-
-`darm COMMAND --help` shows examples.";
+Units, signs and numbering: `darm help conventions`.";
 
 /// The commands.
 #[derive(clap::Subcommand, Debug)]
@@ -126,6 +118,7 @@ pub(crate) enum Command {
     Doctor(doctor::Doctor),
     Completions(completions::Completions),
     Man(man::Man),
+    Help(help::Help),
 }
 
 impl Command {
@@ -167,6 +160,7 @@ impl Command {
             Self::Doctor(command) => command.run(ui),
             Self::Completions(command) => command.run(ui),
             Self::Man(command) => command.run(ui),
+            Self::Help(command) => command.run(ui),
         }
     }
 }

@@ -166,8 +166,11 @@ fn wrapped(help: &str) -> Vec<&str> {
         .collect()
 }
 
-/// The subcommands that a help text lists.
-fn subcommands(help: &str) -> Vec<String> {
+/// The subcommands of a command; the overview has its own list, in groups.
+fn subcommands(path: &str, help: &str) -> Vec<String> {
+    if path.is_empty() {
+        return super::COMMANDS.map(str::to_owned).to_vec();
+    }
     let listed = help.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
     let names = listed.filter(|line| !line.starts_with("    ")).filter_map(|line| line.split_whitespace().next());
     names.filter(|name| *name != "help").map(str::to_owned).collect()
@@ -177,7 +180,7 @@ fn subcommands(help: &str) -> Vec<String> {
 fn commands(home: &Home, path: &str) -> Vec<(String, String)> {
     let help = home.succeeds(&format!("{path}--help"));
     let mut found = vec![(path.to_owned(), help.clone())];
-    for name in subcommands(&help) {
+    for name in subcommands(path, &help) {
         found.extend(commands(home, &format!("{path}{name} ")));
     }
     found

@@ -167,14 +167,54 @@ fn robot(name: &str) -> String {
 #[test]
 fn every_command_has_help_with_examples() {
     let home = Home::new();
-    let overview = home.succeeds("--help");
     for command in COMMANDS {
-        assert!(overview.contains(&format!("\n  {command} ")), "{command} is not in the overview");
         let help = home.succeeds(&format!("{command} --help"));
         assert!(help.contains("Examples:\n  darm ") || help.contains("darm flash"), "{command} has no examples");
         let longest = help.lines().map(|line| line.chars().count()).max().unwrap();
         assert!(longest <= 120, "{command}: a line of its help has {longest} characters");
     }
+}
+
+/// The commands that the overview lists behind the names of their groups.
+fn commands_of_groups(overview: &str) -> Vec<(&str, Vec<&str>)> {
+    let lines = overview.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
+    lines
+        .filter_map(|line| line.trim().split_once(' '))
+        .map(|(group, names)| (group, names.trim().split(", ").collect()))
+        .collect()
+}
+
+#[test]
+fn the_overview_fits_on_a_screen_and_names_each_command_in_one_group() {
+    let home = Home::new();
+    let overview = home.succeeds("--help");
+    assert!(overview.lines().count() <= 45, "{} lines:\n{overview}", overview.lines().count());
+    assert_eq!(home.succeeds("help"), overview);
+    let groups = commands_of_groups(&overview);
+    let mut listed: Vec<&str> = groups.iter().flat_map(|(_, names)| names.clone()).collect();
+    listed.sort_unstable();
+    let mut all = COMMANDS;
+    all.sort_unstable();
+    assert_eq!(listed, all, "{overview}");
+    for (group, names) in groups {
+        let help = home.succeeds(&format!("help {group}"));
+        for name in names {
+            let about = home.succeeds(&format!("{name} --help")).lines().next().unwrap().to_owned();
+            assert!(help.contains(&format!("\n  {name:12}{about}\n")), "{group}, {name}: {help}");
+        }
+    }
+}
+
+#[test]
+fn help_of_a_command_is_the_same_by_both_ways() {
+    let home = Home::new();
+    for command in ["synth", "profile", "profile write"] {
+        assert_eq!(home.succeeds(&format!("help {command}")), home.succeeds(&format!("{command} --help")), "{command}");
+    }
+    assert!(home.succeeds("help conventions").contains("numbered from 0"));
+    let unknown = "darm: help dance: no such command or group; the groups are loop, boards, diagnosis, robots, papers, \
+                   set-up, and conventions";
+    home.fails("help dance", 2, unknown);
 }
 
 #[test]
