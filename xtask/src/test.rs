@@ -95,7 +95,7 @@ fn quick() -> Result<()> {
     let packages = UNIT_TESTED.iter().flat_map(|package| ["--package", package]);
     let unit_tests: Vec<&str> = ["test", "--quiet", "--lib"].into_iter().chain(packages).collect();
     cargo(&unit_tests)?;
-    cargo(&["test", "--quiet", "--package", "darm-tests", "--test", "tidy", "--test", "imports", "--test", "dialect"])
+    cargo(&["test", "--quiet", "--package", "darm-tests", "--test", "rules"])
 }
 
 /// Of the workspace as the PC builds it, and of each board as its chip does.

@@ -8,14 +8,15 @@ use darm_core::effect::{Detail, Effect, Place};
 
 #[test]
 fn every_law_is_in_the_book() {
-    let book = [include_str!("../../docs/arm-file.md"), include_str!("../../docs/diagnosis.md")].concat();
+    let book = [include_str!("../../../docs/arm-file.md"), include_str!("../../../docs/diagnosis.md")].concat();
     let missing: Vec<_> = LawName::ALL.iter().filter(|law| !book.contains(&format!("`{law}`"))).collect();
     assert!(missing.is_empty(), "neither in docs/arm-file.md nor in docs/diagnosis.md: {missing:?}");
 }
 
 #[test]
 fn every_constant_of_a_law_has_a_key_in_the_arm_file() {
-    let arm = Arm::parse(Path::new("planar4.toml"), include_str!("../../examples/planar4.toml")).expect("an example");
+    let arm =
+        Arm::parse(Path::new("planar4.toml"), include_str!("../../../examples/planar4.toml")).expect("an example");
     let mut n_constants = 0;
     for at in Effect::<f64>::EACH_AT {
         let places = [Place::Actuator(0), Place::Base];

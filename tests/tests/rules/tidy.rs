@@ -29,7 +29,7 @@ const LAYERS: [&str; 19] = [
     "wire",
 ];
 /// The crates with their folders, lowest first, and the crates that each depends on: exactly these.
-const CRATES: [(&str, &str, &[&str]); 20] = [
+const CRATES: [(&str, &str, &[&str]); 21] = [
     ("darm-core", "shared", &[]),
     ("darm-firmware", "firmware", &["darm-core"]),
     ("darm-b-l475e-iot01a", "firmware/boards/b-l475e-iot01a", &["darm-core", "darm-firmware"]),
@@ -64,11 +64,8 @@ const CRATES: [(&str, &str, &[&str]); 20] = [
     ("darm-figures", "eval/figures", &[]),
     ("darm-simulate", "eval/simulate", &["darm-arm", "darm-core", "darm-device", "darm-figures"]),
     ("xtask", "xtask", &[]),
-    (
-        "darm-demo",
-        "eval/demo",
-        &["darm-arm", "darm-core", "darm-device", "darm-diagnose", "darm-figures", "xtask"],
-    ),
+    ("darm-book", "tests/book", &["xtask"]),
+    ("darm-demo", "eval/demo", &["darm-arm", "darm-core", "darm-device", "darm-diagnose", "darm-figures", "xtask"]),
     (
         "darm-eval",
         "eval",

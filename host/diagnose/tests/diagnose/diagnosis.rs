@@ -1,7 +1,6 @@
 //! The diagnosis against true arms drawn by seed: right name, right place, no false alarm.
 //!
 //! A sample: `cargo xtask demo --sweep` and `cargo xtask blind` draw many.
-#![allow(missing_docs)]
 
 use std::path::Path;
 use std::time::Instant;
@@ -20,7 +19,7 @@ use darm_diagnose::truth::{Kind, Sealed, Truth};
 /// The arm synthesized for the example's frames, and these frames.
 fn arm(text: &str) -> (Arm, Vec<DesiredFrame>) {
     let base = Arm::parse(Path::new("arm.toml"), text).unwrap();
-    let frames = include_str!("../../../examples/planar4-frames.toml");
+    let frames = include_str!("../../../../examples/planar4-frames.toml");
     let desired = frames::parse(Path::new("frames.toml"), frames, &base).unwrap();
     let found = synthesize(&base, &desired, &synthesis::Options::default()).unwrap();
     let desired = found.frames.into_iter().map(|reached| reached.frame).collect();
@@ -96,7 +95,7 @@ fn sample(drawn: &(Arm, Vec<DesiredFrame>), kinds: &[Kind]) {
 /// Numbers of a file that are rounded, also where an instrument has no noise beside that: no effect is missing, and one is found.
 #[test]
 fn rounding_is_noise_and_depends_on_the_word() {
-    let drawn = arm(include_str!("../../../examples/planar4.toml"));
+    let drawn = arm(include_str!("../../../../examples/planar4.toml"));
     let steps = plan(&drawn.0, &measurement_plan::Options::default());
     let rounded = |kind: Kind, position_m: f64, angle_deg: f64| {
         let truth = Truth::draw(&drawn.0, &drawn.1, SEED, Some(kind)).unwrap();
@@ -158,10 +157,10 @@ fn spatial() {
 
 #[test]
 fn planar_arm() {
-    sample(&arm(include_str!("../../../examples/planar4.toml")), &Kind::EFFECTS);
+    sample(&arm(include_str!("../../../../examples/planar4.toml")), &Kind::EFFECTS);
 }
 
 #[test]
 fn hybrid_arm() {
-    sample(&arm(include_str!("../../../examples/planar4-hybrid.toml")), &[Kind::StrokeLoss, Kind::SupplyStroke]);
+    sample(&arm(include_str!("../../../../examples/planar4-hybrid.toml")), &[Kind::StrokeLoss, Kind::SupplyStroke]);
 }

@@ -4,7 +4,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use mdbook_driver::MDBook;
 use pulldown_cmark::{CodeBlockKind, Event, Options, Parser, Tag, TagEnd};
@@ -17,7 +17,7 @@ const LANGUAGES: [&str; 7] = ["sh", "text", "toml", "rust", "csv", "json", "c"];
 const README_LINES: usize = 130;
 
 fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("xtask/ is a folder of the workspace").to_path_buf()
+    xtask::setup::root()
 }
 
 /// A Markdown page and what the checks need of it.

@@ -12,7 +12,9 @@ fn cargo_packages_every_published_crate_offline() {
 fn what_only_the_workspace_uses_is_not_published() {
     let names: Vec<Value> = published().unwrap().into_iter().map(|it| it["name"].clone()).collect();
     assert_eq!(names.len(), 10, "{names:?}");
-    for name in ["darm-tests", "darm-eval", "darm-figures", "darm-simulate", "xtask", "darm-pico"] {
+    for name in
+        ["darm-tests", "darm-book", "darm-eval", "darm-demo", "darm-figures", "darm-simulate", "xtask", "darm-pico"]
+    {
         assert!(!names.contains(&json!(name)), "{name}");
     }
 }

@@ -1,7 +1,6 @@
 //! The reference pages have every key of the files and every variant of the messages, with its index.
 
 use std::fs;
-use std::path::Path;
 
 /// Pages with the sources whose `Raw…` structures hold the keys of the files that they describe.
 const KEYS: [(&str, &str); 5] = [
@@ -35,8 +34,7 @@ const LISTS: [(&str, &str, &str); 11] = [
 ];
 
 fn read(path: &str) -> String {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("xtask/ is a folder of the workspace");
-    fs::read_to_string(root.join(path)).unwrap_or_else(|error| panic!("{path}: {error}"))
+    fs::read_to_string(xtask::setup::root().join(path)).unwrap_or_else(|error| panic!("{path}: {error}"))
 }
 
 fn without_visibility(line: &str) -> &str {

@@ -1,7 +1,9 @@
 //! A humanoid on a floating base.
 
-use crate::check::{Check, F64, numbers};
-use crate::file::{angular_first, array, flat, golden, gravity, inertia, joint, list, placement, pose};
+use crate::dynamics_golden::check::{Check, F64, numbers};
+use crate::dynamics_golden::file::{
+    angular_first, array, flat, golden, gravity, inertia, joint, list, placement, pose,
+};
 use darm_core::dynamics;
 use darm_core::dynamics::floating;
 use darm_core::real::Vec3;

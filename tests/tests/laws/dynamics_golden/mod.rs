@@ -7,8 +7,10 @@ mod check;
 mod file;
 mod humanoid;
 
-use crate::check::{Check, F64, ROUNDINGS, by_rows, numbers};
-use crate::file::{angular_first, array, column, flat, golden, gravity, joints, list, placement, pose, square};
+use crate::dynamics_golden::check::{Check, F64, ROUNDINGS, by_rows, numbers};
+use crate::dynamics_golden::file::{
+    angular_first, array, column, flat, golden, gravity, joints, list, placement, pose, square,
+};
 use darm_core::actuator::JointKind;
 use darm_core::real::{Real, Vec3, real, to_f32};
 use darm_core::se::{Pose, Wrench};

@@ -1,0 +1,1 @@
+//! Tests of the book and of what is published: see `tests/book/tests`.
