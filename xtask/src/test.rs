@@ -68,7 +68,7 @@ impl Test {
 
     fn all(&self) -> Result<()> {
         setup::rust()?;
-        // A machine that lacks something says so before it compiles for minutes.
+        // What is missing on this machine is reported before minutes of compilation.
         let runs_tests = self.part.is_none_or(|part| part == Part::Tests);
         let (has_emulator, has_browser) =
             if runs_tests { (self.has_emulator()?, has_browser()?) } else { (false, false) };
@@ -145,7 +145,7 @@ fn quick() -> Result<()> {
         let packages = packages.iter().flat_map(|package| ["--package", package]);
         cargo(&["test", "--quiet", "--lib", "--bins"].into_iter().chain(packages).collect::<Vec<_>>())?;
     }
-    cargo(&["test", "--quiet", "--package", "darm-tests", "--test", "rules"])
+    cargo(&["test", "--quiet", "--package", "darm-rules"])
 }
 
 /// The files that differ from the last commit, from the root; `None` outside of a git checkout.

@@ -1,6 +1,6 @@
 //! The book and what is published: links, paths and fences; keys and messages in the reference pages; manifests and licences.
 //!
-//! A package of its own, because nothing else needs the renderer of the book, which is half of the packages of the tests.
+//! A separate package, because nothing else needs the renderer of the book, which is half of the packages of the tests.
 
 mod book;
 mod published;

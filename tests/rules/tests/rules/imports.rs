@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use darm_tests::{Source, assert_none, sources};
+use darm_rules::{Source, assert_none, sources};
 use syn::visit::{self, Visit};
 
 fn parsed(source: &Source) -> syn::File {

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 
-use darm_tests::{Source, assert_none, root, sources};
+use darm_rules::{Source, assert_none, root, sources};
 use toml_edit::DocumentMut;
 
 /// Modules of the core, lowest first: a module imports only from those before it.
@@ -29,7 +29,7 @@ const LAYERS: [&str; 19] = [
     "wire",
 ];
 /// The crates with their folders, lowest first, and the crates that each depends on: exactly these.
-const CRATES: [(&str, &str, &[&str]); 21] = [
+const CRATES: [(&str, &str, &[&str]); 22] = [
     ("darm-core", "shared", &[]),
     ("darm-firmware", "firmware", &["darm-core"]),
     ("darm-b-l475e-iot01a", "firmware/boards/b-l475e-iot01a", &["darm-core", "darm-firmware"]),
@@ -64,6 +64,7 @@ const CRATES: [(&str, &str, &[&str]); 21] = [
     ("darm-figures", "eval/figures", &[]),
     ("darm-simulate", "eval/simulate", &["darm-arm", "darm-core", "darm-device", "darm-figures"]),
     ("xtask", "xtask", &[]),
+    ("darm-rules", "tests/rules", &[]),
     ("darm-book", "tests/book", &["xtask"]),
     ("darm-demo", "eval/demo", &["darm-arm", "darm-core", "darm-device", "darm-diagnose", "darm-figures", "xtask"]),
     (

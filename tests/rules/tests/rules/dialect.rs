@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use darm_tests::{Source, assert_none, files, sources};
+use darm_rules::{Source, assert_none, files, sources};
 use syn::visit::{self, Visit};
 use toml_edit::DocumentMut;
 
@@ -120,7 +120,7 @@ fn contains(text: &str, phrase: &str) -> bool {
 
 /// A table of `tests/dialect.toml`: strings by key.
 fn table(name: &str) -> BTreeMap<String, String> {
-    let document: DocumentMut = include_str!("../../dialect.toml").parse().expect("valid TOML");
+    let document: DocumentMut = include_str!("../../../dialect.toml").parse().expect("valid TOML");
     let table = document[name].as_table().expect("a table");
     table.iter().map(|(key, value)| (key.to_owned(), value.as_str().unwrap_or_default().to_owned())).collect()
 }
