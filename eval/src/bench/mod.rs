@@ -26,7 +26,7 @@ pub(crate) use synthesis_sweep::SynthesisSweep;
 #[derive(clap::Args)]
 pub(crate) struct Bench {
     #[command(flatten)]
-    what: What,
+    selection: Selection,
     /// A folder with measured data that may not be copied into this project
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
@@ -37,7 +37,7 @@ pub(crate) struct Bench {
 /// What to measure.
 #[derive(clap::Args)]
 #[group(required = true, multiple = true)]
-struct What {
+struct Selection {
     /// Instruction counts and sizes of the firmware
     #[arg(long)]
     chip: bool,
@@ -83,39 +83,39 @@ impl Bench {
             return self.spread_out();
         }
         let mut figures = Vec::new();
-        if self.what.chip {
+        if self.selection.chip {
             figures.extend(chip::measure()?);
         }
-        if self.what.image {
+        if self.selection.image {
             for (name, value, unit) in xtask::image::figures()? {
                 figures.push(Figure::new(&name, value, unit)?);
             }
         }
-        if self.what.upload {
+        if self.selection.upload {
             figures.extend(upload::measure()?);
         }
-        if self.what.measured {
+        if self.selection.measured {
             figures.extend(measured::measure(self.data.as_deref())?);
         }
-        if self.what.stamps {
+        if self.selection.stamps {
             figures.extend(stamps::measure(self.data.as_deref())?);
         }
-        if self.what.peers {
+        if self.selection.peers {
             figures.extend(peers::measure()?);
         }
-        if self.what.synthesis_sweep {
+        if self.selection.synthesis_sweep {
             figures.extend(figures_of(&SynthesisSweep {})?);
         }
-        if self.what.reach {
+        if self.selection.reach {
             figures.extend(figures_of(&Reach { seed: SEED })?);
         }
-        if self.what.better_words {
+        if self.selection.better_words {
             figures.extend(better_words::measure(SEED)?);
         }
-        if self.what.map {
+        if self.selection.map {
             figures.extend(map::measure(SEED)?);
         }
-        if let Some(folder) = &self.what.foreign {
+        if let Some(folder) = &self.selection.foreign {
             figures.extend(foreign::measure(folder)?);
         }
         Figures::new(figures, SEED).report(self.spread.json.as_deref())
@@ -123,7 +123,7 @@ impl Bench {
 
     /// One measurement that is a list of items, over several processes.
     fn spread_out(&self) -> Result<()> {
-        let What {
+        let Selection {
             chip,
             image,
             upload,
@@ -135,7 +135,7 @@ impl Bench {
             measured,
             stamps,
             ref foreign,
-        } = self.what;
+        } = self.selection;
         let others = chip || image || upload || peers || better_words || map || measured || stamps || foreign.is_some();
         match (synthesis_sweep, reach) {
             (true, false) if !others => items::run(&SynthesisSweep {}, &self.spread),

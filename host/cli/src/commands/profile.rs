@@ -52,11 +52,11 @@ const POLL: Duration = Duration::from_millis(200);
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Command {
     #[command(subcommand)]
-    what: What,
+    action: Action,
 }
 
 #[derive(clap::Subcommand, Debug)]
-enum What {
+enum Action {
     /// Make a conservative first profile for the outputs and servos that an arm names
     #[command(after_help = "Examples:\n  darm profile make arm.toml -o first.toml")]
     Make {
@@ -131,11 +131,11 @@ enum ProfileCommandError {
 
 impl Command {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
-        match &self.what {
-            What::Make { arm, output, force } => make(arm, output, *force, ui),
-            What::Migrate { old, output, new_profile, force } => migrate(old, output, new_profile, *force, ui),
-            What::Check { profile, arm } => check(profile, arm.as_deref(), ui),
-            What::Write { profile, arm, port } => {
+        match &self.action {
+            Action::Make { arm, output, force } => make(arm, output, *force, ui),
+            Action::Migrate { old, output, new_profile, force } => migrate(old, output, new_profile, *force, ui),
+            Action::Check { profile, arm } => check(profile, arm.as_deref(), ui),
+            Action::Write { profile, arm, port } => {
                 let profile = match (profile, arm) {
                     (Some(path), _) => BoardProfile::read(path)?,
                     (None, Some(arm)) => named_by(arm)?,
@@ -156,7 +156,7 @@ impl Command {
                 written?;
                 ui.print(&Made::new(&profile, None, "stored; the board has restarted with it"))
             }
-            What::Show { port } => show(&mut port.connect()?, ui),
+            Action::Show { port } => show(&mut port.connect()?, ui),
         }
     }
 }

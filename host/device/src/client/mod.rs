@@ -11,11 +11,11 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod board_reports;
 mod error;
 mod exchange;
 #[cfg(test)]
 mod fake;
-mod itself;
 mod reader;
 mod retry_timer;
 pub mod stop;
