@@ -14,7 +14,7 @@ use crate::measurement::origin::{Origin, OtherModel};
 use crate::measurement::poses::{self, Which};
 use crate::measurement::table::Names;
 use crate::measurement::{ReadError, Run, about};
-use crate::model_file::{LockedJoint, ModelFile};
+use crate::model_file::{Chosen, ModelFile};
 use crate::outcome::Diagnosis;
 
 /// A model and measurements of what it describes.
@@ -31,8 +31,8 @@ pub struct Files<'a> {
 pub enum Subject {
     /// An arm of words: its tool poses are diagnosed.
     Arm(Box<Arm>),
-    /// Another model, with joints that are locked besides those that its file locks: its signals are diagnosed.
-    Signals(Box<Model>, Vec<LockedJoint>),
+    /// Another model, with what was chosen of its robot besides what its file says: its signals are diagnosed.
+    Signals(Box<Model>, Chosen),
 }
 
 /// How files are diagnosed.
@@ -94,7 +94,7 @@ impl Subject {
     pub fn read<'a>(file: impl Into<FileRef<'a>>) -> Result<Self, FilesError> {
         let file = file.into();
         Ok(match Model::read(&file)? {
-            Some(model) => Self::Signals(Box::new(model), Vec::new()),
+            Some(model) => Self::Signals(Box::new(model), Chosen::default()),
             None => Self::Arm(Box::new(Arm::read(&file)?)),
         })
     }
@@ -109,14 +109,14 @@ impl Files<'_> {
     pub fn diagnose(self, subject: Subject, how: &FileOptions) -> Result<FileDiagnosis, FilesError> {
         match subject {
             Subject::Arm(arm) => self.poses(*arm, how),
-            Subject::Signals(model, locked) => self.signals(&model, &locked, how),
+            Subject::Signals(model, chosen) => self.signals(&model, &chosen, how),
         }
     }
 
-    fn signals(self, model: &Model, locked: &[LockedJoint], how: &FileOptions) -> Result<FileDiagnosis, FilesError> {
+    fn signals(self, model: &Model, chosen: &Chosen, how: &FileOptions) -> Result<FileDiagnosis, FilesError> {
         let found = diagnose_file(model, &self.data, &how.names, &how.rows);
         let found = found.map_err(|error| self.in_data(error))?;
-        let file = ModelFile::read(&self.model, found.diagnosis.kind)?.with_locked(locked);
+        let file = ModelFile::read(&self.model, found.diagnosis.kind)?.with(chosen);
         Ok(FileDiagnosis { diagnosis: found.diagnosis, correction: Correction::Signals(file, found.correction) })
     }
 

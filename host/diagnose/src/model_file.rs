@@ -19,6 +19,15 @@ pub struct LockedJoint {
     pub position: f64,
 }
 
+/// What was chosen of a model's robot besides what its file says.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Chosen {
+    /// Joints that do not move.
+    pub locked: Vec<LockedJoint>,
+    /// The body or link with which its tree begins.
+    pub root: Option<String>,
+}
+
 /// The keys of a model's file, and where it lies.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ModelFile {
@@ -46,10 +55,13 @@ impl ModelFile {
         Ok(Self { path: path.into(), keys })
     }
 
-    /// The model with joints locked besides those that its file locks.
+    /// The model with what was chosen besides what its file says.
     #[must_use]
-    pub fn with_locked(mut self, locked: &[LockedJoint]) -> Self {
-        for joint in locked {
+    pub fn with(mut self, chosen: &Chosen) -> Self {
+        if let Some(root) = &chosen.root {
+            self.keys.insert("root".into(), toml::Value::String(root.clone()));
+        }
+        for joint in &chosen.locked {
             let key = if joint.is_revolute { "lock_deg" } else { "lock_mm" };
             let locks = self.keys.entry(key).or_insert_with(|| toml::Value::Table(toml::Table::new()));
             if let Some(locks) = locks.as_table_mut() {

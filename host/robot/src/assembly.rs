@@ -11,6 +11,21 @@ use crate::robot::{Mimic, Robot, RobotFrame, RobotJoint};
 /// Joints by name that are held at a position (rad or m) as if they were fixed.
 pub type Locks = BTreeMap<String, f64>;
 
+/// Which of a file is the robot.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Selection {
+    /// Joints that are held.
+    pub locks: Locks,
+    /// The body or link with which its tree begins; `None`: all that the file describes.
+    pub root: Option<String>,
+}
+
+impl From<&Locks> for Selection {
+    fn from(locks: &Locks) -> Self {
+        Self { locks: locks.clone(), root: None }
+    }
+}
+
 /// A joint follows another by name: q = factor · q of the other + offset.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Following {

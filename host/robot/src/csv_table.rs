@@ -164,6 +164,12 @@ impl CsvTable {
 }
 
 impl<'a> CsvRow<'a> {
+    /// The line of the row.
+    pub fn line(self) -> usize {
+        let text = self.table.source.text().as_bytes();
+        place_of(text, self.record.position(), 0).map_or(0, |place| place.line)
+    }
+
     /// The cell of a column; empty where the table has no such column.
     pub fn cell(self, column: usize) -> &'a str {
         self.record.get(column).unwrap_or_default()

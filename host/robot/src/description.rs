@@ -6,7 +6,7 @@ use crate::mjcf::{self, MjcfError};
 use crate::robot::Robot;
 use crate::shape::LinkShape;
 use crate::source::{FileError, Source};
-use crate::urdf::{self, Locks, UrdfError};
+use crate::urdf::{self, Locks, Selection, UrdfError};
 use crate::xml::Document;
 
 /// Why a file gives no robot.
@@ -40,27 +40,36 @@ impl From<DescriptionError> for FileError<String> {
 /// The file cannot be read, is neither URDF nor MJCF, describes no robot that is computed, or has no joint of a name in
 /// `locks`. The error names line and column.
 pub fn read<'a>(file: impl Into<FileRef<'a>>, locks: &Locks) -> Result<Robot, DescriptionError> {
+    read_selected(file, &locks.into())
+}
+
+/// The same of a part of the file.
+///
+/// # Errors
+///
+/// As [`read`]; also where the file has no body or link of the name of the root.
+pub fn read_selected<'a>(file: impl Into<FileRef<'a>>, selection: &Selection) -> Result<Robot, DescriptionError> {
     let file = file.into();
-    let source = Source::read_lossy::<urdf::UrdfFault>(&file)?;
-    of_source(source, locks)
+    of_source(Source::read_lossy::<urdf::UrdfFault>(&file)?, selection)
 }
 
 /// The same of what was read already.
 ///
 /// # Errors
 ///
-/// As [`read`].
-pub fn of_source(source: Source, locks: &Locks) -> Result<Robot, DescriptionError> {
+/// As [`read_selected`].
+pub fn of_source(source: Source, selection: &Selection) -> Result<Robot, DescriptionError> {
     // A damaged table is reported as a table: it is no XML in any case.
     if !source.is_xml() && (dh::is_table(source.text()) || source.text().parse::<toml::Table>().is_ok()) {
-        return match locks.keys().next() {
-            Some(joint) => Err(dh::locked(source.path(), joint).into()),
-            None => Ok(dh::of_source(&source)?),
+        return match (selection.locks.keys().next(), &selection.root) {
+            (Some(joint), _) => Err(dh::locked(source.path(), joint).into()),
+            (None, Some(root)) => Err(dh::rooted(source.path(), root).into()),
+            (None, None) => Ok(dh::of_source(&source)?),
         };
     }
     match Document::parse(&source) {
-        Ok(document) if document.root().tag() == "mujoco" => Ok(mjcf::of_source(source, locks)?),
-        _ => Ok(urdf::of_source(&source, locks)?),
+        Ok(document) if document.root().tag() == "mujoco" => Ok(mjcf::of_source(source, selection)?),
+        _ => Ok(urdf::of_source(&source, selection)?),
     }
 }
 

@@ -70,6 +70,12 @@ pub enum TableFault {
         /// The joint.
         joint: String,
     },
+    /// A table has one chain, no trees to choose from.
+    #[error("a table has one chain and no body `{root}`; leave --root out")]
+    Rooted {
+        /// The name.
+        root: String,
+    },
 }
 
 #[derive(Clone, Copy, Deserialize)]
@@ -120,6 +126,11 @@ struct RawRow {
 /// The error that a joint of a table is to be locked.
 pub(crate) fn locked(path: &Path, joint: &str) -> TableError {
     Source::of_text(path, "").error(None, Fault::Content(Box::new(TableFault::Locked { joint: joint.into() })))
+}
+
+/// The error that a part of a table is to be read.
+pub(crate) fn rooted(path: &Path, root: &str) -> TableError {
+    Source::of_text(path, "").error(None, Fault::Content(Box::new(TableFault::Rooted { root: root.into() })))
 }
 
 /// Whether the text of a TOML file is a table, and no arm file.

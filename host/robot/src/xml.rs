@@ -103,6 +103,11 @@ impl Document {
         Ok(node)
     }
 
+    /// All elements, in the order of the file.
+    pub(crate) fn elements(&self) -> impl Iterator<Item = Element<'_>> {
+        self.nodes.iter().map(|node| Element { document: self, node })
+    }
+
     /// The outermost element.
     pub(crate) fn root(&self) -> Element<'_> {
         Element { document: self, node: &self.nodes[0] }

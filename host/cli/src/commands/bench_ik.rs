@@ -48,6 +48,9 @@ pub(crate) struct BenchIk {
     /// Fix a joint of a robot at a position, in deg or mm
     #[arg(long = "lock", value_name = "JOINT=Q", allow_hyphen_values = true, requires = "robot")]
     locks: Vec<String>,
+    /// Read one tree of a URDF or MJCF: the one that begins with this link or body
+    #[arg(long, value_name = "BODY")]
+    root: Option<String>,
     /// Methods, as of `darm ik --method`
     #[arg(long, value_delimiter = ',', default_value = "lm,em,memr,ga,de,cma-es", requires = "to")]
     methods: Vec<Method>,
@@ -147,8 +150,9 @@ impl BenchIk {
             return Err(Usage(format!("--planar: {wrong} is not a length in mm; give numbers of at least 0")).into());
         }
         if let Some(file) = &self.robot {
-            let locks = self.locks.clone();
-            let given = SubjectArgs { file: file.clone(), q: None, word: None, postures: None, locks, floating: false };
+            let (locks, root) = (self.locks.clone(), self.root.clone());
+            let given =
+                SubjectArgs { file: file.clone(), q: None, word: None, postures: None, locks, root, floating: false };
             let robot = given.subject()?.into_robot("bench-ik")?;
             let frame = frame_of(&robot, self.frame.as_deref())?.clone();
             return Ok((robot, frame));

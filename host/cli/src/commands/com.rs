@@ -88,7 +88,12 @@ impl Com {
             rows.push(row);
         }
         if mass_kg == 0.0 {
-            ui.note("the file gives no masses");
+            ui.note(match &subject {
+                Subject::Robot(robot) if robot.base.mass > 0.0 => {
+                    "nothing with a mass moves; --floating takes the base in"
+                }
+                _ => "the file gives no masses",
+            });
         }
         let joints = match &subject {
             Subject::Robot(_) => subject.coordinates().into_iter().map(|joint| joint.name).collect(),

@@ -6,7 +6,7 @@ mod links;
 
 use darm_core::dynamics::floating::BaseMotion;
 use darm_diagnose::linearise::torque;
-use darm_robot::robot::{Accelerations, Dynamics as Equation, Motion, Robot};
+use darm_robot::robot::{Accelerations, Dynamics as Equation, Motion, Robot, RobotJoint};
 use serde::Serialize;
 
 use self::arm::of_arm;
@@ -180,10 +180,24 @@ fn accelerations(
     if torque.is_empty() {
         return Err(Usage("the table has no torques; add columns JOINT_nm or JOINT_n".into()).into());
     }
-    let massless = || {
-        anyhow::anyhow!("the mass matrix is singular: a joint of {} moves no mass; give its link a mass", robot.name)
+    if let Some(found) = robot.accelerations_on(base, motion, torque)? {
+        return Ok(found);
+    }
+    // Which mass is missing: M is singular where a joint carries none, or where a base has none of its own to push against.
+    let mass = robot.dynamics_on(base, motion)?.mass;
+    let idle = robot.coordinates().enumerate().find(|(k, _)| mass[(*k, *k)] <= 0.0);
+    let what = match idle {
+        Some((_, joint)) => {
+            let RobotJoint { name, link, .. } = &robot.joints[joint];
+            format!("joint `{name}` moves no mass; give its link `{link}` one")
+        }
+        None if robot.floating && robot.base.mass == 0.0 => {
+            let base = robot.frames.first().map_or("base", |frame| frame.name.as_str());
+            format!("the floating base `{base}` has no mass; give it one")
+        }
+        None => "its masses are too unequal; check their units".to_owned(),
     };
-    robot.accelerations_on(base, motion, torque)?.ok_or_else(massless)
+    Err(anyhow::anyhow!("the mass matrix of {} is singular: {what}", robot.name))
 }
 
 /// Adds the torques of the model's effects.

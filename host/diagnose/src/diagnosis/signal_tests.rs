@@ -55,7 +55,7 @@ fn the_nominal_torques_of_a_real_arm_are_those_that_another_program_gives() {
 fn the_rotors_of_an_mjcf_are_in_its_torques() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/finger.xml");
     let lock = BTreeMap::from([("tip".to_string(), 0.3)]);
-    let Some(Model { what: What::Any(robot), effects }) = Model::read_locked(&path, &lock).unwrap() else {
+    let Some(Model { what: What::Any(robot), effects }) = Model::read_selected(&path, &(&lock).into()).unwrap() else {
         panic!("no robot")
     };
     let mut text = "time_s,q1_rad,q2_rad,v1,v2,a1,a2,tau1_nm,tau2_nm\n".to_string();

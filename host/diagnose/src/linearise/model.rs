@@ -18,6 +18,7 @@
 //! | point contact | `pair`, `distance_mm` | the one of them in which two points differ that are so far apart |
 //! | point contact, tool | `tool` | the frame that touches or is measured; without it the robot's end |
 //! | tool | `frame` | `base` (the default): what was measured is in the robot's base frame, nearly; `unknown`: anywhere |
+//! | all | `root` | the body or link with which the robot's tree begins, of a file that has several |
 //! | all | `lock_deg`, `lock_mm` | positions of joints that do not move, by their names: the columns of a table are those of the others |
 //!
 //! `number` and `[[effect]]` (see [`model_effects`](super::model_effects)) are what `darm diagnose -o` adds.
@@ -39,7 +40,7 @@ use darm_robot::description::{self, DescriptionError};
 use darm_robot::files::FileRef;
 use darm_robot::robot::Robot;
 use darm_robot::source::{FileError, Source};
-use darm_robot::urdf::Locks;
+use darm_robot::urdf::Selection;
 use toml::Spanned;
 
 /// Why a file is no model: with file, line and column.
@@ -131,6 +132,7 @@ struct RawRobot {
     pair: Option<Spanned<String>>,
     distance_mm: Option<Spanned<f64>>,
     tool: Option<Spanned<String>>,
+    root: Option<String>,
     #[serde(default)]
     frame: InstrumentFrame,
     #[serde(default)]
@@ -167,19 +169,19 @@ impl Model {
     /// The file cannot be read; its robot file cannot be read; or it has a `kind`, but a key, frame or number of it is
     /// wrong.
     pub fn read<'a>(file: impl Into<FileRef<'a>>) -> Result<Option<Self>, ModelError> {
-        Self::read_locked(file, &Locks::new())
+        Self::read_selected(file, &Selection::default())
     }
 
-    /// The same with some joints of its robot locked, besides those that the file locks.
+    /// The same with some joints of its robot locked, besides those that the file locks, and of a part of its robot's file.
     ///
     /// # Errors
     ///
-    /// As [`read`](Self::read); also where the robot of the file has no such joint.
-    pub fn read_locked<'a>(file: impl Into<FileRef<'a>>, locks: &Locks) -> Result<Option<Self>, ModelError> {
+    /// As [`read`](Self::read); also where the robot of the file has no such joint or root.
+    pub fn read_selected<'a>(file: impl Into<FileRef<'a>>, selection: &Selection) -> Result<Option<Self>, ModelError> {
         let file = file.into();
         let source = Source::read_lossy::<String>(&file)?;
         if is_robot(&source) {
-            return Ok(Some(What::Any(description::of_source(source, locks)?).into()));
+            return Ok(Some(What::Any(description::of_source(source, selection)?).into()));
         }
         let source = Source::read(&file)?;
         let table = source.text().parse::<toml::Table>().ok();
@@ -197,7 +199,7 @@ impl Model {
             Kind::Robot => {
                 let mut raw: RawRobot = source.parse()?;
                 let effects = std::mem::take(&mut raw.effect);
-                (robot(&source, raw, locks)?, effects)
+                (robot(&source, raw, selection)?, effects)
             }
         };
         Ok(Some(Self { what, effects }))
@@ -252,13 +254,14 @@ fn length_m(mm: &Spanned<f64>) -> Result<f64, Wrong> {
 }
 
 /// What a model of a robot describes.
-fn robot(source: &Source, raw: RawRobot, locks: &Locks) -> Result<What, ModelError> {
-    let mut locks = locks.clone();
+fn robot(source: &Source, raw: RawRobot, selection: &Selection) -> Result<What, ModelError> {
+    let mut locks = selection.locks.clone();
     locks.extend(raw.lock_deg.iter().map(|(joint, deg)| (joint.clone(), deg.to_radians())));
     locks.extend(raw.lock_mm.iter().map(|(joint, mm)| (joint.clone(), 1e-3 * mm)));
+    let root = selection.root.clone().or(raw.root.clone());
     let path = source.companion(raw.urdf.get_ref());
     let named = |error: DescriptionError| source.wrong(raw.urdf.span(), error.to_string());
-    let robot = description::read(source.files().file(&path), &locks).map_err(named)?;
+    let robot = description::read_selected(source.files().file(&path), &Selection { locks, root }).map_err(named)?;
     observed(robot, raw).map_err(|wrong| wrong.at(source))
 }
 

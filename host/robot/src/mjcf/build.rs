@@ -8,7 +8,7 @@ use darm_core::se::Pose;
 use darm_core::tree::{Inertia, Joint};
 
 use super::attributes::unknown;
-use super::bodies::{Body, Item, bodies};
+use super::bodies::{Body, Item, Trees, bodies, is_on};
 use super::classes::{Classes, Settled};
 use super::equality::{References, coupled};
 use super::fault::{MjcfFault, Wrong};
@@ -17,23 +17,28 @@ use super::frame::pose;
 use super::inertial::inertias;
 use super::mesh::Meshes;
 use super::settings::Settings;
-use crate::assembly::{Assembly, LinkPose, Locks};
+use crate::assembly::{Assembly, LinkPose, Locks, Selection};
 use crate::robot::{Robot, RobotJoint};
 
-pub(super) fn robot(files: &Files, locks: &Locks) -> Result<Robot, Wrong> {
+pub(super) fn robot(files: &Files, selection: &Selection) -> Result<Robot, Wrong> {
     let root = files.root();
     if root.tag() != "mujoco" {
         return Err(root.wrong(MjcfFault::Root { tag: root.tag().into() }));
     }
     let (classes, settings) = (Classes::of(root)?, Settings::of(root)?);
     no_rotors(root, &classes)?;
-    let bodies = bodies(root, &classes, &settings)?;
-    let hinges = hinges(&bodies, &settings)?;
-    let inertias = inertias(&bodies, &settings, &mut Meshes::of(files, &classes)?)?;
-    let floating = floating(&bodies)?;
+    let trees = Trees::of(root, bodies(root, &classes, &settings)?, selection.root.as_deref())?;
+    let bodies = &trees.bodies;
+    if trees.is_on_root.contains(&false) && settings.total_mass_kg.is_some() {
+        let cure = "remove it and give masses, or read all bodies";
+        return Err(root.unsupported("settotalmass where one tree is read", cure));
+    }
+    let hinges = hinges(bodies, &settings)?;
+    let inertias = inertias(bodies, &settings, &mut Meshes::of(files, &classes)?)?;
+    let floating = floating(&trees)?;
     let references: References = hinges.iter().flatten().map(|hinge| (hinge.name.as_str(), hinge.reference)).collect();
-    let coupled = coupled(root, &classes, &references)?;
-    let locks: Locks = coupled.constant.iter().chain(locks).map(|(name, at)| (name.clone(), *at)).collect();
+    let coupled = coupled(root, &classes, &references, &trees.outside)?;
+    let locks: Locks = coupled.constant.iter().chain(&selection.locks).map(|(name, at)| (name.clone(), *at)).collect();
     let name = root.value("model").unwrap_or("MuJoCo Model");
     let follows = |joint| root.wrong(MjcfFault::Follows { joint });
     let mut assembly = Assembly::new(name, settings.gravity, &locks, &coupled.followings).map_err(follows)?;
@@ -41,8 +46,11 @@ pub(super) fn robot(files: &Files, locks: &Locks) -> Result<Robot, Wrong> {
     for (number, body) in bodies.iter().enumerate() {
         let mut place = places[body.parent.unwrap_or(0)].then(&body.pose);
         match floating {
-            Some(base) if number == base => place = assembly.float(),
-            Some(base) if !is_on(&bodies, number, base) => continue,
+            Some((base, armature)) if number == base => {
+                place = assembly.float();
+                assembly.robot.base_armature = armature;
+            }
+            Some((base, _)) if !is_on(bodies, number, base) => continue,
             _ => {}
         }
         for hinge in &hinges[number] {
@@ -50,14 +58,17 @@ pub(super) fn robot(files: &Files, locks: &Locks) -> Result<Robot, Wrong> {
             place = carried.then(&Pose::at(-hinge.anchor));
         }
         places[number] = place;
-        assembly.link(&body.name, &place, &inertias[number], body.is_end && number > 0);
+        // What holds the root keeps its place, and is no part of the robot.
+        let inertia = if trees.is_on_root[number] { inertias[number] } else { Inertia::none() };
+        assembly.link(&body.name, &place, &inertia, body.is_end && number > 0);
         sites.extend(body.sites.iter().map(|site| (site, place)));
     }
-    // After all bodies: where a site has the name of a body, the name means the body.
     for (site, place) in sites {
         if let Some(name) = site.element.part.value("name") {
             let at = site.frame * pose(site.element, &settings)?;
-            assembly.frame(name, &place.then(&at), false);
+            let is_taken = bodies.iter().any(|body| body.name == name);
+            let name = if is_taken { format!("{SITE}{name}") } else { name.to_owned() };
+            assembly.frame(&name, &place.then(&at), false);
         }
     }
     if let Some(joint) = assembly.unknown_lock() {
@@ -66,10 +77,13 @@ pub(super) fn robot(files: &Files, locks: &Locks) -> Result<Robot, Wrong> {
     }
     let mut robot = assembly.finish();
     robot.warnings.extend(coupled.warnings);
-    robot.warnings.extend(warnings(&bodies));
+    robot.warnings.extend(warnings(bodies));
     robot.ignored = unknown(root);
     Ok(robot)
 }
+
+/// What the name of a frame begins with that is a site with the name of a body.
+pub const SITE: &str = "site:";
 
 /// A joint of one axis, in the frame of its body.
 struct Hinge {
@@ -177,35 +191,32 @@ fn is_free(item: &Item<'_>) -> bool {
     item.element.part.tag() == "freejoint" || item.element.value("type") == Some("free")
 }
 
-/// The number of the body that floats, on the world, with all other joints.
-fn floating(bodies: &[Body<'_>]) -> Result<Option<usize>, Wrong> {
+/// The number of the body that floats, on the world, with all other joints, and the armature of its joint.
+fn floating(trees: &Trees<'_>) -> Result<Option<(usize, f64)>, Wrong> {
+    let bodies = &trees.bodies;
     let mut found = None;
     for (number, body) in bodies.iter().enumerate() {
         let Some(free) = body.joints.iter().find(|item| is_free(item)) else { continue };
         let part = free.element.part;
-        let cure = "remove the other bodies, or fix them";
-        if found.is_some() || body.parent != Some(0) || body.joints.len() > 1 {
-            return Err(part.unsupported("a free joint other than that of the only moving body on the world", cure));
+        let is_misplaced = body.parent != Some(0) || body.joints.len() > 1;
+        if is_misplaced {
+            let what = "a free joint with others, or of a body that is not on the world";
+            return Err(part.unsupported(what, "give it alone to a body on the world"));
         }
         let others = bodies.iter().enumerate().filter(|(other, _)| !is_on(bodies, *other, number));
         if let Some(item) = others.flat_map(|(_, other)| &other.joints).next() {
+            let moving: Vec<String> = trees.moving().into_iter().map(|name| format!("--root '{name}'")).collect();
+            let cure = format!("read one tree with {}", moving.join(" or "));
             return Err(item.element.part.unsupported("a joint beside a body that floats", cure));
         }
-        let of_type_free = part.tag() == "joint";
-        if of_type_free && free.element.number("armature")?.unwrap_or(0.0) != 0.0 {
-            return Err(part.unsupported("the armature of a free joint", "write a <freejoint/>"));
-        }
+        // A <freejoint> takes nothing from the defaults of joints.
+        let armature = if part.tag() == "joint" { free.element.number("armature")?.unwrap_or(0.0) } else { 0.0 };
         if part.value("align") == Some("true") {
             return Err(part.unsupported("align=\"true\"", "remove it and give the pose of the body"));
         }
-        found = Some(number);
+        found = Some((number, armature));
     }
     Ok(found)
-}
-
-/// Whether a body is this one or on it.
-fn is_on(bodies: &[Body<'_>], number: usize, base: usize) -> bool {
-    std::iter::successors(Some(number), |&number| bodies[number].parent).any(|number| number == base)
 }
 
 /// Refuses rotors that tendons or actuators add to the mass matrix.

@@ -2,7 +2,7 @@
 
 use darm_core::real::Vec3;
 
-use super::bodies::{Item, bodies};
+use super::bodies::{Item, Trees, bodies};
 use super::classes::{Classes, Settled};
 use super::fault::Wrong;
 use super::files::Files;
@@ -16,7 +16,7 @@ pub(super) fn shapes(files: &Files) -> Result<Vec<LinkShape>, Wrong> {
     let (classes, settings) = (Classes::of(root)?, Settings::of(root)?);
     let meshes = Meshes::of(files, &classes)?;
     let mut shapes = Vec::new();
-    for body in bodies(root, &classes, &settings)? {
+    for body in Trees::of(root, bodies(root, &classes, &settings)?, None)?.bodies {
         for Item { element, frame } in &body.geoms {
             if collides(*element)? {
                 let (at, size) = placed(*element, &settings)?;

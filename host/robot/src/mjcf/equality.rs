@@ -1,6 +1,6 @@
 //! Joints that equality constraints couple, and the constraints that are left to whoever simulates.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use super::classes::{Classes, MAIN, Settled};
 use super::fault::{MjcfFault, Wrong};
@@ -24,6 +24,7 @@ pub(super) fn coupled<'a>(
     root: Part<'a>,
     classes: &'a Classes<'a>,
     references: &References<'a>,
+    outside: &HashSet<&str>,
 ) -> Result<Coupled, Wrong> {
     if let Some(default) = classes.elements().find(|part| part.tag() == "equality" && part.value("active").is_some()) {
         return Err(default.unsupported("a default of active", "give it to each constraint"));
@@ -35,7 +36,18 @@ pub(super) fn coupled<'a>(
             continue;
         }
         match part.tag() {
-            "joint" => coupled.add(constraint, references)?,
+            "joint" => {
+                let joints = ["joint1", "joint2"].map(|name| part.value(name));
+                match joints.into_iter().flatten().find(|joint| outside.contains(joint)) {
+                    None => coupled.add(constraint, references)?,
+                    Some(_) if joints.into_iter().flatten().all(|joint| outside.contains(joint)) => {}
+                    Some(joint) => {
+                        let at = part.place();
+                        let text = format!("{at}: `{joint}` is not in the tree that is read: <joint> is not enforced");
+                        coupled.warnings.push(text);
+                    }
+                }
+            }
             tag => coupled.warnings.push(format!("{}: <{tag}> is not enforced; its joints move freely", part.place())),
         }
     }

@@ -1,5 +1,6 @@
 //! What can be wrong with what an MJCF says, and where.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 /// What is wrong with an MJCF, and what to do about it.
@@ -25,7 +26,7 @@ pub enum MjcfFault {
         /// What it is.
         what: String,
         /// What to write in its place.
-        cure: &'static str,
+        cure: Cow<'static, str>,
     },
     /// An attribute is not what it should be.
     #[error("{attribute} is `{value}`; give {expected}")]
@@ -74,6 +75,14 @@ pub enum MjcfFault {
     Follows {
         /// The joint.
         joint: String,
+    },
+    /// The tree that is to be read begins with a body that is not there.
+    #[error("no body is named `{root}`; give one of {}", known.join(", "))]
+    UnknownRoot {
+        /// The name.
+        root: String,
+        /// The bodies that there are.
+        known: Vec<String>,
     },
     /// There is no body.
     #[error("the model has no <worldbody>; add one")]

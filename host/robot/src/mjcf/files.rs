@@ -1,5 +1,6 @@
 //! The files of a model: the one that is read, and those that it includes, whose elements stand in place of `<include>`.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::io;
 use std::ops::Range;
@@ -151,8 +152,8 @@ impl<'a> Part<'a> {
     }
 
     /// The element is refused.
-    pub(super) fn unsupported(self, what: impl Into<String>, cure: &'static str) -> Wrong {
-        self.wrong(MjcfFault::Unsupported { what: what.into(), cure })
+    pub(super) fn unsupported(self, what: impl Into<String>, cure: impl Into<Cow<'static, str>>) -> Wrong {
+        self.wrong(MjcfFault::Unsupported { what: what.into(), cure: cure.into() })
     }
 
     /// `FILE:LINE:COLUMN` of an attribute.

@@ -3,14 +3,14 @@
 //! | in the file | here |
 //! | --- | --- |
 //! | `hinge`, `slide` | a joint; several joints of one body follow each other |
-//! | `free` | the base floats, when no other body on the world moves; refused elsewhere |
+//! | `free` | the base floats, when no other body on the world moves; a root that is named reads one tree of several |
 //! | `ball` | refused, with what to write in its place |
 //! | body without joint | merged: its inertia goes to the body that moves it, its frame keeps its name |
-//! | `site` with a name | a frame |
+//! | `site` with a name | a frame; where a body has the same name, it is called `site:NAME` |
 //! | `inertial`, `geom` | inertia as MuJoCo compiles it, by `compiler` (`inertiafromgeom`, `inertiagrouprange`, `boundmass`, `boundinertia`, `balanceinertia`, `settotalmass`) |
 //! | `mesh` of STL, OBJ, MSH, or with vertices and faces | read where a body has no `inertial`; inertia `exact` and `legacy`; others refused |
 //! | `default`, `childclass`, `include`, `frame` | resolved |
-//! | `armature` of a joint | adds to the diagonal of the mass matrix; of a free joint, tendon or actuator refused |
+//! | `armature` of a joint | adds to the diagonal of the mass matrix, of a free joint on all six axes of the base; of a tendon or actuator refused |
 //! | `equality` of two joints, by a straight line | the first follows the second; it is no coordinate |
 //! | other `equality`, `gravcomp`, `mocap` | not computed; the warnings say which, and where |
 //! | an attribute that its element does not have | not read; the robot's `ignored` says which, and where |
@@ -38,11 +38,12 @@ mod settings;
 
 use std::path::Path;
 
-use crate::assembly::Locks;
+use crate::assembly::{Locks, Selection};
 use crate::robot::Robot;
 use crate::shape::LinkShape;
 use crate::source::{FileError, Source};
 
+pub use build::SITE;
 pub use fault::MjcfFault;
 
 /// Why a file gives no robot.
@@ -54,7 +55,7 @@ pub type MjcfError = FileError<MjcfFault>;
 ///
 /// The file cannot be read; or as [`parse`].
 pub fn read(path: &Path, locks: &Locks) -> Result<Robot, MjcfError> {
-    of_source(Source::read_lossy(path)?, locks)
+    of_source(Source::read_lossy(path)?, &locks.into())
 }
 
 /// The robot that `text` describes; `path` serves messages, and its folder what the text includes.
@@ -65,7 +66,7 @@ pub fn read(path: &Path, locks: &Locks) -> Result<Robot, MjcfError> {
 /// not computed, or a name or number that cannot be; or `locks` names a joint that it does not have. The error names
 /// file, line and column.
 pub fn parse(path: &Path, text: &str, locks: &Locks) -> Result<Robot, MjcfError> {
-    of_source(Source::of_text(path, text), locks)
+    of_source(Source::of_text(path, text), &locks.into())
 }
 
 /// The shapes that collide in the model that `text` describes; `path` as in [`parse`].
@@ -84,9 +85,9 @@ pub(crate) fn shapes_of(source: Source) -> Result<Vec<LinkShape>, MjcfError> {
 }
 
 /// The robot of what was read already.
-pub(crate) fn of_source(source: Source, locks: &Locks) -> Result<Robot, MjcfError> {
+pub(crate) fn of_source(source: Source, selection: &Selection) -> Result<Robot, MjcfError> {
     let files = files::Files::read(source)?;
-    build::robot(&files, locks).map_err(|wrong| files.error(wrong))
+    build::robot(&files, selection).map_err(|wrong| files.error(wrong))
 }
 
 #[cfg(test)]

@@ -31,7 +31,10 @@ fn errors_name_file_line_and_cure() {
             world("<body name=\"a\"><joint name=\"j\"/><joint name=\"j\"/></body>"),
             "m.xml:3:33: two of <joint> are named",
         ),
-        (world("<body><freejoint/></body><body><joint/></body>"), "m.xml:3:32: a joint beside a body that floats"),
+        (
+            world("<body><freejoint/></body><body name=\"arm\"><joint/></body>"),
+            "m.xml:3:43: a joint beside a body that floats is not supported; read one tree with --root 'body 1' or --root 'arm'",
+        ),
         ("<compiler coordinate=\"global\"/>".into(), "m.xml:2:1: coordinate=\"global\" is not supported; save"),
         ("<asset/>".into(), "m.xml:1:1: the model has no <worldbody>; add one"),
         ("<include file=\"none.xml\"/>".into(), "m.xml:2:1: none.xml: cannot be read: No such file"),
@@ -135,4 +138,71 @@ fn a_long_chain_is_read() {
     let text =
         "<body pos=\"0 0 0.1\"><joint axis=\"1 0 0\"/><geom size=\"0.01\"/>".repeat(count) + &"</body>".repeat(count);
     assert_eq!(parse_text(&world(&text)).unwrap().joints.len(), count);
+}
+
+/// The tree on one body of a model.
+fn tree(root: &str, body: &str) -> Result<Robot, MjcfError> {
+    let source = Source::of_text(Path::new("m.xml"), &format!("<mujoco model=\"m\">\n{body}\n</mujoco>"));
+    of_source(source, &Selection { root: Some(root.into()), ..Selection::default() })
+}
+
+#[test]
+fn a_robot_beside_free_objects_is_read_by_its_root() {
+    let scene = world(
+        "<body name=\"table\" pos=\"0 0 1\"><geom size=\"1\"/><body name=\"arm\" pos=\"1 0 0\"><joint name=\"q\"/><geom size=\"0.1\"/>\
+         </body></body><body name=\"cube\"><freejoint/><geom size=\"0.1\"/><body><joint name=\"lid\" type=\"ball\"/></body></body>\
+         <body name=\"ball\"><freejoint name=\"f\"/><geom size=\"0.2\"/></body><replicate count=\"3\"/>",
+    );
+    let equal = "<equality><joint joint1=\"lid\"/><joint joint1=\"q\" joint2=\"lid\"/></equality>";
+    let arm = tree("arm", &(scene.clone() + equal)).unwrap();
+    let names: Vec<&str> = arm.frames.iter().map(|frame| frame.name.as_str()).collect();
+    assert_eq!((arm.joints.len(), arm.floating, names), (1, false, vec!["world", "table", "arm"]));
+    // The body between the world and the root keeps its pose and is no part of the robot.
+    let pose = arm.kinematics(arm.frame("arm").unwrap(), &[0.0]).unwrap().pose_base_frame;
+    assert_eq!((pose.position.as_slice(), arm.base.mass), (&[1.0, 0.0, 1.0][..], 0.0));
+    assert_eq!(
+        arm.warnings.iter().filter(|said| said.contains("`lid` is not in the tree")).count(),
+        1,
+        "{:?}",
+        arm.warnings
+    );
+    let ball = tree("ball", &scene).unwrap();
+    let mass = 1000.0 * 4.0 / 3.0 * std::f64::consts::PI * 0.008;
+    assert!(ball.floating && ball.joints.is_empty() && (ball.mass() - mass).abs() < 1e-9, "{ball:?}");
+    let error = |root: &str| tree(root, &scene).unwrap_err().to_string();
+    assert_eq!(error("none"), "m.xml:1:1: no body is named `none`; give one of table, arm, cube, body 4, ball");
+    assert!(error("cube").contains("a joint of type ball"), "{}", error("cube"));
+    assert!(refused(&scene).contains("<replicate> in a body"), "{}", refused(&scene));
+}
+
+/// Of MuJoCo 3: M = diag(m + a, m + a, m + a, I + a, …), and for v = (1, 0, 0), ω = (0, 0, 2) in the axes of the body,
+/// which is at the origin with its axes along those of the world, the force that holds v̇ = 0 in these axes is (m + a)·ω × v.
+#[test]
+fn the_armature_of_a_free_joint_is_on_all_six_axes_of_the_base() {
+    use darm_core::dynamics::floating::BaseMotion;
+    use darm_core::se::Twist;
+    let body = world(
+        "<body><joint type=\"free\" armature=\"0.5\"/><inertial pos=\"0 0 0\" mass=\"2\" diaginertia=\"1 2 3\"/></body>",
+    );
+    let robot = parse_text(&body).unwrap();
+    let twist = Twist { angular: [0.0, 0.0, 2.0].into(), linear: [1.0, 0.0, 0.0].into() };
+    let base = BaseMotion { twist, ..crate::robot::base_at_rest() };
+    let found = robot.dynamics_on(&base, &crate::robot::Motion { state: [&[], &[], &[]], load: None }).unwrap();
+    let of_base = found.base.unwrap();
+    let diagonal: Vec<f64> = of_base.mass.diagonal().iter().copied().collect();
+    assert_eq!(diagonal, [1.5, 2.5, 3.5, 2.5, 2.5, 2.5]);
+    let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} is not {b}");
+    near(of_base.load.force.y, 2.5 * 2.0);
+    near(of_base.load.force.z, 2.0 * 9.81);
+    near(found.kinetic_j, 0.5 * (2.5 + 3.5 * 4.0));
+    let forces = of_base.coriolis * twist.to_vector();
+    near(forces[4], 5.0);
+}
+
+#[test]
+fn a_site_with_the_name_of_a_body_has_a_frame_that_says_so() {
+    let robot =
+        parse_text(&world("<body name=\"a\"><site name=\"a\" pos=\"1 0 0\"/><site name=\"s\"/></body>")).unwrap();
+    let names: Vec<&str> = robot.frames.iter().map(|frame| frame.name.as_str()).collect();
+    assert_eq!(names, ["world", "a", "site:a", "s"]);
 }

@@ -35,6 +35,8 @@ pub struct Robot {
     pub joints: Vec<RobotJoint>,
     /// Mass distribution of the base with all that is fixed to it, expressed in its frame; it counts when the base floats.
     pub base: Inertia<f64>,
+    /// Inertia that adds to each of the six axes of a floating base, kg·m² and kg.
+    pub base_armature: f64,
     /// Whether the base floats.
     pub floating: bool,
     /// Every link of the file as a frame, the base first.
@@ -111,6 +113,7 @@ impl Robot {
             name: String::new(),
             joints: Vec::new(),
             base: Inertia::none(),
+            base_armature: 0.0,
             floating: false,
             frames: Vec::new(),
             gravity: Vec3::zeros(),
@@ -188,8 +191,9 @@ impl Robot {
 
     /// Total mass, kg, of the links that move; with the base when it floats.
     pub fn mass(&self) -> f64 {
-        let links: f64 = self.joints.iter().map(|joint| joint.joint.inertia.mass).sum();
-        if self.floating { links + self.base.mass } else { links }
+        let base = if self.floating { self.base.mass } else { 0.0 };
+        // From a zero: the sum of no numbers is -0.
+        self.joints.iter().fold(base, |mass, joint| mass + joint.joint.inertia.mass)
     }
 }
 

@@ -183,6 +183,10 @@ impl Robot {
             base: self.floating.then(|| placed.floating(&on_base, &mass, (&moving.velocity, &qd))),
             mass: coupling.square(&mass.joints),
         };
+        if let Some(of_base) = &mut equation.base {
+            of_base.add_armature(self.base_armature, base);
+            equation.kinetic_j += 0.5 * self.base_armature * base.twist.to_vector().norm_squared();
+        }
         if let Some((frame, load)) = &motion.load {
             placed.subtract(frame, load, &mut equation);
         }
@@ -270,6 +274,20 @@ impl Robot {
         }
         let links = tree.place(base, &coupling.positions(q));
         Ok(Placed { tree, links, coupling })
+    }
+}
+
+impl FloatingBase {
+    /// Adds the inertia that each axis has of its own: it takes a·ω̇, and a times the acceleration of the origin of the base,
+    /// which is v̇ + ω × v in its own axes. So MuJoCo counts the armature of a free joint, whose velocity is along the axes
+    /// of the world.
+    fn add_armature(&mut self, armature: f64, base: &BaseMotion<f64>) {
+        let (Twist { angular, linear }, rate) = (base.twist, base.twist_rate);
+        self.mass += Mat6::identity() * armature;
+        let mut rates = self.coriolis.fixed_view_mut::<3, 3>(3, 3);
+        rates += angular.cross_matrix() * armature;
+        self.load.moment += rate.angular * armature;
+        self.load.force += (rate.linear + angular.cross(&linear)) * armature;
     }
 }
 

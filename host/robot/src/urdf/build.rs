@@ -7,22 +7,22 @@ use darm_core::tree::{Inertia, Joint};
 use super::elements::{Kind, Wrong};
 use super::fault::UrdfFault;
 use super::hierarchy::Hierarchy;
-use crate::assembly::{Assembly, LinkPose, Locks};
+use crate::assembly::{Assembly, LinkPose, Selection};
 use crate::robot::{Robot, RobotJoint};
 use crate::xml::Element;
 
 const GRAVITY_M_S2: f64 = 9.81;
 
-pub(super) fn robot(root: Element<'_>, locks: &Locks) -> Result<Robot, Wrong> {
+pub(super) fn robot(root: Element<'_>, selection: &Selection) -> Result<Robot, Wrong> {
     if root.tag() != "robot" {
         return Err((root.span(), UrdfFault::Root { tag: root.tag().into() }));
     }
-    let hierarchy = Hierarchy::of(root)?;
+    let hierarchy = Hierarchy::of(root, selection.root.as_deref())?;
     let (mimics, places) = hierarchy.mimics()?;
     let link = hierarchy.links[hierarchy.root].name;
     let name = root.value("name").filter(|name| !name.is_empty()).unwrap_or(link);
     let gravity = Vec3::new(0.0, 0.0, -GRAVITY_M_S2);
-    let assembly = Assembly::new(name, gravity, locks, &mimics).map_err(|joint| {
+    let assembly = Assembly::new(name, gravity, &selection.locks, &mimics).map_err(|joint| {
         let place = places.get(joint.as_str()).cloned().unwrap_or(root.span());
         (place, UrdfFault::MimicCycle { joint })
     })?;
@@ -34,12 +34,15 @@ pub(super) fn robot(root: Element<'_>, locks: &Locks) -> Result<Robot, Wrong> {
             Some(joint) => (hierarchy.child_of[joint], walk.joint(joint, &place)?),
             None => (hierarchy.root, place),
         };
-        visited[link] = true;
+        if std::mem::replace(&mut visited[link], true) {
+            let link = hierarchy.links[link];
+            return Err(link.wrong(UrdfFault::Loop { link: link.name.into() }));
+        }
         let (element, children) = (hierarchy.links[link], &hierarchy.children[link]);
         walk.assembly.link(element.name, &place, &element.inertia()?, children.is_empty());
         ahead.extend(children.iter().rev().map(|&joint| (Some(joint), place)));
     }
-    if let Some(link) = visited.iter().position(|visited| !visited) {
+    if let Some(link) = visited.iter().position(|visited| !visited).filter(|_| hierarchy.is_complete) {
         let link = hierarchy.links[link];
         return Err(link.wrong(UrdfFault::Loop { link: link.name.into() }));
     }

@@ -119,10 +119,28 @@ impl<'a> Named<'a> {
 
 fn origin(element: Element<'_>) -> Result<Pose<f64>, Wrong> {
     let Some(origin) = element.child("origin") else { return Ok(Pose::identity()) };
+    let position = numbers(origin, "xyz", [0.0; 3])?.into();
+    if let Some(given) = origin.attribute("quat_xyzw") {
+        let wrong = |what| (given.span.clone(), UrdfFault::Quaternion { what });
+        if origin.attribute("rpy").is_some() {
+            return Err(wrong("and rpy both give the rotation; remove one"));
+        }
+        let [x, y, z, w] = numbers(origin, "quat_xyzw", [0.0, 0.0, 0.0, 1.0])?;
+        let rotation = quaternion([x, y, z, w]).ok_or_else(|| wrong("has no length; give one of length 1"))?;
+        return Ok(Pose { rotation, position });
+    }
     let [roll, pitch, yaw] = numbers(origin, "rpy", [0.0; 3])?;
     let about = |axis: Vec3<f64>, angle: f64| rotation_exp(&(axis * angle));
     let rotation = about(Vec3::z(), yaw) * about(Vec3::y(), pitch) * about(Vec3::x(), roll);
-    Ok(Pose { rotation, position: numbers(origin, "xyz", [0.0; 3])?.into() })
+    Ok(Pose { rotation, position })
+}
+
+/// The rotation of a quaternion, which need not have length 1; `None` of one without length.
+fn quaternion([x, y, z, w]: [f64; 4]) -> Option<Mat3<f64>> {
+    let vector = Vec3::new(x, y, z);
+    let length = vector.norm().hypot(w);
+    let axis = vector.try_normalize(0.0).unwrap_or(Vec3::x());
+    (length > 1e-9 && length.is_finite()).then(|| rotation_exp(&(axis * (2.0 * vector.norm().atan2(w)))))
 }
 
 pub(super) fn required<'a>(element: Element<'a>, attribute: &'static str) -> Result<&'a str, Wrong> {

@@ -33,10 +33,37 @@ pub enum UrdfFault {
         second: String,
     },
     /// More than one link, or none, is nobody's child.
-    #[error("the robot has {} root links ({}), there must be one; connect them by joints", roots.len(), roots.join(", "))]
+    #[error(
+        "the robot has {} root links ({}), there must be one; connect them by joints, or read one of them with --root",
+        roots.len(), roots.join(", ")
+    )]
     Roots {
         /// The links.
         roots: Vec<String>,
+    },
+    /// The tree that is to be read begins with a link that is not there.
+    #[error("no link is named `{root}`; give one of {}", known.join(", "))]
+    UnknownRoot {
+        /// The name.
+        root: String,
+        /// The links that there are.
+        known: Vec<String>,
+    },
+    /// An element of the macro language of ROS, which is to be expanded before.
+    #[error(
+        "<{element}> is xacro, which describes a robot only when it is expanded; run `xacro {file} > expanded.urdf` and give expanded.urdf"
+    )]
+    Xacro {
+        /// The element.
+        element: String,
+        /// The file.
+        file: String,
+    },
+    /// A rotation that is given twice, or as no quaternion.
+    #[error("quat_xyzw {what}")]
+    Quaternion {
+        /// What is wrong, and what to do.
+        what: &'static str,
     },
     /// A link does not hang on the root.
     #[error("link `{link}` is in a loop of joints: cut the loop")]

@@ -17,10 +17,12 @@ pub(super) struct Hierarchy<'a> {
     pub(super) children: Vec<Vec<usize>>,
     /// The link that each joint moves.
     pub(super) child_of: Vec<usize>,
+    /// Whether all links have to be on the root.
+    pub(super) is_complete: bool,
 }
 
 impl<'a> Hierarchy<'a> {
-    pub(super) fn of(robot: Element<'a>) -> Result<Self, Wrong> {
+    pub(super) fn of(robot: Element<'a>, root: Option<&str>) -> Result<Self, Wrong> {
         let (links, joints) = (named(robot, "link")?, named(robot, "joint")?);
         let numbers: HashMap<_, _> = links.iter().enumerate().map(|(index, link)| (link.name, index)).collect();
         let mut children = vec![Vec::new(); links.len()];
@@ -39,10 +41,18 @@ impl<'a> Hierarchy<'a> {
             children[parent].push(index);
             child_of.push(child);
         }
+        if let Some(root) = root.filter(|_| !links.is_empty()) {
+            let unknown = || {
+                let known = links.iter().map(|link| link.name.to_owned()).collect();
+                (robot.span(), UrdfFault::UnknownRoot { root: root.into(), known })
+            };
+            let root = numbers.get(root).copied().ok_or_else(unknown)?;
+            return Ok(Self { links, joints, root, children, child_of, is_complete: false });
+        }
         let roots: Vec<_> = (0..links.len()).filter(|&link| moved_by[link].is_none()).collect();
         match roots[..] {
             _ if links.is_empty() => Err((robot.span(), UrdfFault::Empty)),
-            [root] => Ok(Self { links, joints, root, children, child_of }),
+            [root] => Ok(Self { links, joints, root, children, child_of, is_complete: true }),
             _ => {
                 let roots = roots.iter().map(|&root| links[root].name.to_owned()).collect();
                 Err((robot.span(), UrdfFault::Roots { roots }))
@@ -50,11 +60,23 @@ impl<'a> Hierarchy<'a> {
         }
     }
 
+    /// The joints on the root.
+    fn in_tree(&self) -> impl Iterator<Item = &Named<'a>> {
+        let mut ahead = self.children[self.root].clone();
+        // A loop has no way from the root, but where the root is in it.
+        let mut left = self.joints.len();
+        std::iter::from_fn(move || {
+            let joint = ahead.pop().filter(|_| left > 0)?;
+            left -= 1;
+            ahead.extend(&self.children[self.child_of[joint]]);
+            Some(&self.joints[joint])
+        })
+    }
+
     /// The joints that mimic others. `Err`: one mimics itself, or what does not move.
     pub(super) fn mimics(&self) -> Result<(Followings, HashMap<&'a str, Range<usize>>), Wrong> {
         let moving: BTreeMap<_, _> = self
-            .joints
-            .iter()
+            .in_tree()
             .filter(|joint| matches!(joint.kind(), Ok(Kind::Moving { .. })))
             .map(|joint| (joint.name, *joint))
             .collect();

@@ -10,12 +10,15 @@
 //! | `<inertial>` missing | no mass; the warnings say which |
 //! | `<limit>` missing, or 0 to 0 | no limits; the warnings say which |
 //! | `<collision>` | read by [`parse_shapes`] alone |
+//! | `xacro:…` | refused, with the command that expands it |
+//! | an attribute that its element does not have | not read; the robot's `ignored` says which, and where |
 //! | all other elements | not read, and not checked |
 //!
 //! Joints are in the order in which a walk from the root meets them, branch by branch, children in the order of the file.
-//! Roll, pitch and yaw are angles about the fixed x, y and z: R = Rot_z(y)·Rot_y(p)·Rot_x(r).
+//! An `<origin>` has its rotation as `rpy` or as `quat_xyzw`. Roll, pitch and yaw are angles about the fixed x, y and z: R = Rot_z(y)·Rot_y(p)·Rot_x(r).
 //! Source: <https://wiki.ros.org/urdf/XML>.
 
+mod attributes;
 mod build;
 mod collision;
 mod elements;
@@ -29,7 +32,7 @@ use crate::shape::LinkShape;
 use crate::source::{Fault, FileError, Source};
 use crate::xml::Document;
 
-pub use crate::assembly::Locks;
+pub use crate::assembly::{Locks, Selection};
 pub use fault::UrdfFault;
 
 /// Why a file gives no robot.
@@ -41,7 +44,7 @@ pub type UrdfError = FileError<UrdfFault>;
 ///
 /// The file cannot be read; or as [`parse`].
 pub fn read(path: &Path, locks: &Locks) -> Result<Robot, UrdfError> {
-    of_source(&Source::read_lossy(path)?, locks)
+    of_source(&Source::read_lossy(path)?, &locks.into())
 }
 
 /// The robot that `text` describes; `path` only serves messages.
@@ -51,7 +54,7 @@ pub fn read(path: &Path, locks: &Locks) -> Result<Robot, UrdfError> {
 /// The text is not XML of a URDF; its links and joints do not form one tree, a name or number cannot be, or something
 /// is missing; or `locks` names a joint that it does not have. The error names line and column.
 pub fn parse(path: &Path, text: &str, locks: &Locks) -> Result<Robot, UrdfError> {
-    of_source(&Source::of_text(path, text), locks)
+    of_source(&Source::of_text(path, text), &locks.into())
 }
 
 /// The shapes that collide in the URDF that `text` is; `path` serves messages, and its folder the files of meshes.
@@ -70,12 +73,22 @@ pub(crate) fn shapes_of(source: &Source) -> Result<Vec<LinkShape>, UrdfError> {
 }
 
 /// The robot of what was read already.
-pub(crate) fn of_source(source: &Source, locks: &Locks) -> Result<Robot, UrdfError> {
-    build::robot(document(source)?.root(), locks).map_err(|(span, fault)| source.wrong(span, fault))
+pub(crate) fn of_source(source: &Source, selection: &Selection) -> Result<Robot, UrdfError> {
+    let document = document(source)?;
+    let mut robot = build::robot(document.root(), selection).map_err(|(span, fault)| source.wrong(span, fault))?;
+    robot.ignored = attributes::unread(document.root(), source);
+    Ok(robot)
 }
 
 fn document(source: &Source) -> Result<Document, UrdfError> {
-    Document::parse(source).map_err(|wrong| source.error(Some(wrong.span), Fault::Syntax(wrong.reason)))
+    let document =
+        Document::parse(source).map_err(|wrong| source.error(Some(wrong.span), Fault::Syntax(wrong.reason)))?;
+    let macro_of = document.elements().find(|element| element.tag().starts_with("xacro:"));
+    if let Some(element) = macro_of {
+        let file = source.path().display().to_string();
+        return Err(source.wrong(element.span(), UrdfFault::Xacro { element: element.tag().into(), file }));
+    }
+    Ok(document)
 }
 
 #[cfg(test)]

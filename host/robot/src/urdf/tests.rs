@@ -4,6 +4,7 @@ use std::io::Read as _;
 use std::path::PathBuf;
 
 use darm_core::dynamics::{self, floating};
+use darm_core::real::Vec3;
 use darm_core::se::Twist;
 use darm_core::tree::Frames;
 use serde_json::Value;
@@ -168,7 +169,7 @@ fn errors_name_file_line_and_element() {
         ("<link name=\"base\"/>".into(), "r.urdf:3:1: two <link> elements are named `base`; rename one"),
         (
             "<link name=\"other\"/>".into(),
-            "r.urdf:1:1: the robot has 2 root links (base, other), there must be one; connect them by joints",
+            "r.urdf:1:1: the robot has 2 root links (base, other), there must be one; connect them by joints, or read one of them with --root",
         ),
         (
             joint("j", "fixed", "base", "a", "")
@@ -271,4 +272,63 @@ fn no_text_makes_it_panic() {
             &Locks::new(),
         );
     }
+}
+
+fn small(body: &str) -> Result<Robot, String> {
+    parse(Path::new("r.urdf"), &format!("<robot name=\"r\">\n{body}\n</robot>"), &Locks::new())
+        .map_err(|e| e.to_string())
+}
+
+#[test]
+fn a_rotation_is_read_as_a_quaternion_and_unknown_attributes_are_reported() {
+    let joint = |origin: &str| {
+        format!(
+            "<link name=\"a\"/><link name=\"b\"/><joint name=\"j\" type=\"fixed\"><origin {origin}/><parent link=\"a\"/>\
+             <child link=\"b\"/></joint>"
+        )
+    };
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let robot = small(&joint(&format!("xyz=\"1 2 3\" quat_xyzw=\"{half} 0 0 {half}\""))).unwrap();
+    let pose = robot.frame("b").unwrap().pose;
+    // A quarter of a turn about x takes y to z.
+    assert!((pose.rotation * Vec3::y() - Vec3::z()).norm() < 1e-12 && pose.position == Vec3::new(1.0, 2.0, 3.0));
+    assert_eq!(robot.ignored, [""; 0]);
+    let both = small(&joint("quat_xyzw=\"0 0 0 1\" rpy=\"0 0 0\"")).unwrap_err();
+    assert!(both.ends_with("quat_xyzw and rpy both give the rotation; remove one"), "{both}");
+    assert!(small(&joint("quat_xyzw=\"0 0 0 0\"")).unwrap_err().contains("has no length"));
+    let [said] = &small(&joint("xyz=\"0 0 0\" ryp=\"1 0 0\"")).unwrap().ignored[..] else { panic!() };
+    assert_eq!(said, "r.urdf:2:82: unknown attribute `ryp` of <origin> is ignored; correct it");
+}
+
+#[test]
+fn xacro_is_refused_with_the_command_that_expands_it() {
+    for body in ["<link name=\"a\"/><xacro:seg n=\"1\"/>", "<xacro:macro name=\"m\"><link name=\"a\"/></xacro:macro>"] {
+        let error = small(body).unwrap_err();
+        assert!(
+            error.contains("xacro") && error.ends_with("run `xacro r.urdf > expanded.urdf` and give expanded.urdf"),
+            "{error}"
+        );
+    }
+    assert!(small("<link name=\"a\"/>").is_ok());
+}
+
+#[test]
+fn one_of_several_trees_is_read_by_its_root() {
+    let text = "<robot name=\"r\"><link name=\"a\"/><link name=\"b\"/><link name=\"c\"/><joint name=\"j\" type=\"continuous\">\
+                <parent link=\"b\"/><child link=\"c\"/></joint></robot>";
+    let source = Source::of_text(Path::new("r.urdf"), text);
+    let rooted = |root: Option<&str>| {
+        let selection = Selection { root: root.map(str::to_owned), ..Selection::default() };
+        of_source(&source, &selection).map_err(|error| error.to_string())
+    };
+    let names: Vec<String> = rooted(Some("b")).unwrap().frames.into_iter().map(|frame| frame.name).collect();
+    assert_eq!(names, ["b", "c"]);
+    assert!(rooted(None).unwrap_err().ends_with("connect them by joints, or read one of them with --root"));
+    assert!(rooted(Some("x")).unwrap_err().ends_with("no link is named `x`; give one of a, b, c"));
+}
+
+#[test]
+fn a_robot_that_does_not_move_has_the_mass_zero() {
+    let mass = small("<link name=\"a\"><inertial><mass value=\"1\"/></inertial></link>").unwrap().mass();
+    assert!(mass == 0.0 && mass.is_sign_positive(), "{mass:?}");
 }

@@ -31,6 +31,9 @@ pub(crate) struct Identify {
     /// The robot with its nominal masses
     #[arg(value_name = "ROBOT.urdf|ROBOT.xml")]
     robot: PathBuf,
+    /// Read one tree of the robot's file: the one that begins with this link or body
+    #[arg(long, value_name = "BODY")]
+    root: Option<String>,
     /// Postures, torques and contact wrenches
     #[arg(value_name = "FILE.csv")]
     samples: PathBuf,
@@ -101,7 +104,7 @@ impl Identify {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         exchanged::refuse(&self.robot, &self.samples)?;
         let noise = self.noise()?;
-        let robot = floating(&self.robot)?;
+        let robot = floating(&self.robot, self.root.as_deref())?;
         let kind = if self.motion { Kind::Moving } else { Kind::Static };
         let read = identify::read(&self.samples, &robot, kind, self.lowpass)?;
         let equations = Equations::new(&robot, &read.samples, &read.rows, noise, kind);

@@ -39,6 +39,9 @@ pub(crate) struct Map {
     /// The robot
     #[arg(value_name = "ROBOT.urdf|ROBOT.xml")]
     robot: PathBuf,
+    /// Read one tree of the robot's file: the one that begins with this link or body
+    #[arg(long, value_name = "BODY")]
+    root: Option<String>,
     /// Markers, feet and links
     #[arg(value_name = "SETUP.toml")]
     setup: PathBuf,
@@ -91,7 +94,7 @@ impl Map {
         for model in [&self.person, &self.robot, &self.setup] {
             exchanged::refuse(model, &self.capture)?;
         }
-        let (average, robot) = (floating(&self.person)?, self.robot()?);
+        let (average, robot) = (floating(&self.person, None)?, self.robot()?);
         let setup = Setup::read(&self.setup, &average, &robot)?;
         let capture = Capture::read(&self.capture, &setup.marker_names());
         let capture = capture.map_err(|error| in_table(&self.capture, error.line(), error))?;
@@ -113,7 +116,7 @@ impl Map {
     }
 
     fn robot(&self) -> anyhow::Result<Robot> {
-        let robot = floating(&self.robot)?;
+        let robot = floating(&self.robot, self.root.as_deref())?;
         let Some(path) = &self.masses else { return Ok(robot) };
         let source = Source::read::<String>(path)?;
         let masses: Vec<LinkMass> = serde_json::from_str(source.text()).map_err(|error| no_masses(path, &error))?;

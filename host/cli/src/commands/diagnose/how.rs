@@ -14,7 +14,7 @@ use darm_diagnose::outcome::Diagnosis;
 use darm_diagnose::overview::{self, Overview};
 use darm_diagnose::rejection::Rejection;
 
-use super::super::subject::Locked;
+use super::super::subject::Part;
 use super::rows::RowOptions;
 use crate::failure::Usage;
 use crate::ui::Ui;
@@ -34,6 +34,9 @@ pub(in crate::commands) struct How {
     /// Fix a joint of the robot that the data do not have at a position, in deg or mm
     #[arg(long = "lock", value_name = "JOINT=Q", allow_hyphen_values = true, requires = "model")]
     locks: Vec<String>,
+    /// Read one tree of a URDF or MJCF: the one that begins with this link or body
+    #[arg(long, value_name = "BODY", requires = "model")]
+    root: Option<String>,
     #[command(flatten)]
     rows: RowOptions,
 }
@@ -71,9 +74,12 @@ impl How {
     /// The diagnosis, and whether a corrected model was written.
     pub(in crate::commands) fn diagnose(&self, task: Task, ui: Ui) -> anyhow::Result<(Diagnosis, bool)> {
         let Task { model, data, new_model } = task;
-        let subject = match Locked(&self.locks).read_model(model)? {
-            Some((model, locked)) => Subject::Signals(Box::new(model), locked),
-            None if !self.locks.is_empty() => return Err(Usage("--lock needs a robot, not an arm file".into()).into()),
+        let part = Part { locks: &self.locks, root: self.root.as_deref() };
+        let subject = match part.read_model(model)? {
+            Some((model, chosen)) => Subject::Signals(Box::new(model), chosen),
+            None if !self.locks.is_empty() || self.root.is_some() => {
+                return Err(Usage("--lock and --root need a robot, not an arm file".into()).into());
+            }
             None => {
                 self.rows.refuse_those_of_signals()?;
                 Subject::Arm(Box::new(Arm::read(model)?))

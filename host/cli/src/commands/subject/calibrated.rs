@@ -11,13 +11,13 @@ use darm_diagnose::linearise::model_effects::ModelEffect;
 use darm_diagnose::linearise::point_contact::Points;
 use darm_robot::robot::Robot;
 
-use super::Locked;
+use super::Part;
 use crate::failure::Usage;
 
 /// The robot of a model; `None` of another file, such as an arm. Effects of a point-contact calibration are in its joints
 /// and its tool; of those of torques the joint offsets.
-pub(super) fn robot(path: &Path, locks: Locked) -> anyhow::Result<Option<Robot>> {
-    let Some((model, _)) = locks.read_model(path)? else { return Ok(None) };
+pub(super) fn robot(path: &Path, part: Part) -> anyhow::Result<Option<Robot>> {
+    let Some((model, _)) = part.read_model(path)? else { return Ok(None) };
     let shown = path.display();
     match model.what {
         What::PointContact(robot, Points { tool, .. }) | What::Tool(robot, MeasuredTool { tool, .. }) => {

@@ -1,44 +1,58 @@
-//! Joints that are fixed on the command line.
+//! Which of a file is the robot: joints that are fixed on the command line, and the root of its tree.
 
 use std::path::Path;
 
 use darm_core::actuator::JointKind;
 use darm_diagnose::linearise::model::Model;
-use darm_diagnose::model_file::LockedJoint;
+use darm_diagnose::model_file::{Chosen, LockedJoint};
 use darm_robot::description;
 use darm_robot::robot::Robot;
-use darm_robot::urdf::Locks;
+use darm_robot::urdf::{Locks, Selection};
 
 use super::Coordinate;
 use crate::failure::Usage;
 
-/// Options `--lock JOINT=Q`.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Locked<'a>(pub(crate) &'a [String]);
+/// Options `--lock JOINT=Q` and `--root BODY`.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Part<'a> {
+    pub(crate) locks: &'a [String],
+    pub(crate) root: Option<&'a str>,
+}
 
-impl<'a> Locked<'a> {
+impl<'a> Part<'a> {
     /// The robot of a URDF or MJCF with these joints fixed.
     pub(crate) fn read_robot(self, path: &Path) -> anyhow::Result<Robot> {
-        let free = description::read(path, &Locks::new())?;
+        let free = description::read_selected(path, &self.selection(Locks::new()))?;
         free.ignored.iter().for_each(|ignored| eprintln!("note: {ignored}"));
-        if self.0.is_empty() {
+        if self.locks.is_empty() {
             return Ok(free);
         }
-        Ok(description::read(path, &self.locks(&free)?)?)
+        Ok(description::read_selected(path, &self.selection(self.fixed(&free)?))?)
     }
 
-    /// The model of a file with these joints fixed, and which they are; `None` where the file is an arm of words.
-    pub(crate) fn read_model(self, path: &Path) -> anyhow::Result<Option<(Model, Vec<LockedJoint>)>> {
-        let Some(model) = Model::read(path)? else { return Ok(None) };
-        if self.0.is_empty() {
-            return Ok(Some((model, Vec::new())));
+    /// The model of a file with these joints fixed, and what was chosen; `None` where the file is an arm of words.
+    pub(crate) fn read_model(self, path: &Path) -> anyhow::Result<Option<(Model, Chosen)>> {
+        let Some(model) = Model::read_selected(path, &self.selection(Locks::new()))? else { return Ok(None) };
+        let root = self.root.map(str::to_owned);
+        if let Some(robot) = model.what.robot() {
+            robot.ignored.iter().for_each(|ignored| eprintln!("note: {ignored}"));
+        } else if root.is_some() {
+            return Err(Usage("--root needs a model with a robot".into()).into());
+        }
+        if self.locks.is_empty() {
+            return Ok(Some((model, Chosen { locked: Vec::new(), root })));
         }
         let free = model.what.robot().ok_or_else(|| Usage("--lock needs a model with a robot".into()))?;
-        let (locks, locked) = (self.locks(free)?, self.joints(free)?);
-        Ok(Model::read_locked(path, &locks)?.map(|model| (model, locked)))
+        let (locks, locked) = (self.fixed(free)?, self.joints(free)?);
+        let model = Model::read_selected(path, &self.selection(locks))?;
+        Ok(model.map(|model| (model, Chosen { locked, root })))
     }
 
-    fn locks(self, free: &Robot) -> Result<Locks, Usage> {
+    fn selection(self, locks: Locks) -> Selection {
+        Selection { locks, root: self.root.map(str::to_owned) }
+    }
+
+    fn fixed(self, free: &Robot) -> Result<Locks, Usage> {
         self.coordinates(free)?
             .into_iter()
             .map(|(joint, value)| Ok((joint.name.clone(), joint.typed(value)?)))
@@ -63,6 +77,6 @@ impl<'a> Locked<'a> {
             let kind = joint.map_or(JointKind::Revolute, |joint| joint.joint.axis.kind);
             Ok((Coordinate { name: name.to_owned(), kind }, value))
         };
-        self.0.iter().map(coordinate).collect()
+        self.locks.iter().map(coordinate).collect()
     }
 }

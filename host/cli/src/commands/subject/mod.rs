@@ -14,12 +14,13 @@ use darm_core::se::{Pose, Twist, Wrench, rotation_log};
 use darm_diagnose::linearise::model::What;
 use darm_diagnose::linearise::model_effects::ModelEffect;
 use darm_diagnose::linearise::torque::Transmission;
+use darm_robot::mjcf::SITE;
 use darm_robot::robot::{Jacobian, Kinematics, Robot, RobotFrame};
 use darm_robot::source::Source;
 
 use crate::failure::Usage;
 use crate::number_text::{number, numbers};
-pub(crate) use locks::Locked;
+pub(crate) use locks::Part;
 pub(crate) use postures::{Posture, listed};
 
 /// The file and the postures.
@@ -40,6 +41,9 @@ pub(crate) struct SubjectArgs {
     /// Fix a joint of a robot at a position, in deg or mm; the numbers of the joints after it move up
     #[arg(long = "lock", value_name = "JOINT=Q", allow_hyphen_values = true)]
     pub(crate) locks: Vec<String>,
+    /// Read one tree of a URDF or MJCF: the one that begins with this link or body
+    #[arg(long, value_name = "BODY")]
+    pub(crate) root: Option<String>,
     /// Give a URDF or MJCF a floating base
     #[arg(long)]
     pub(crate) floating: bool,
@@ -111,7 +115,7 @@ impl SubjectArgs {
     /// The robot and the effects of a model of torques, as `darm diagnose` uses it; `None` for other files.
     pub(crate) fn model(&self) -> anyhow::Result<Option<(Robot, Effects)>> {
         let is_toml = self.file.extension().is_some_and(|end| end == "toml");
-        let model = is_toml.then(|| Locked(&self.locks).read_model(&self.file)).transpose()?.flatten();
+        let model = is_toml.then(|| self.part().read_model(&self.file)).transpose()?.flatten();
         let Some((model, _)) = model else { return Ok(None) };
         let What::Torque(robot, transmission) = model.what else {
             let shown = self.file.display();
@@ -129,21 +133,25 @@ impl SubjectArgs {
         Ok(Some((robot, Effects { transmission, known: model.effects })))
     }
 
+    fn part(&self) -> Part<'_> {
+        Part { locks: &self.locks, root: self.root.as_deref() }
+    }
+
     /// Reads the file.
     pub(crate) fn subject(&self) -> anyhow::Result<Subject> {
         let path = &self.file;
         let is_toml = path.extension().is_some_and(|end| end == "toml");
         if !is_toml {
-            let robot = Locked(&self.locks).read_robot(path)?;
+            let robot = self.part().read_robot(path)?;
             return Ok(Subject::Robot(Box::new(Robot { floating: robot.floating || self.floating, ..robot })));
         }
-        if let Some(robot) = calibrated::robot(path, Locked(&self.locks))? {
+        if let Some(robot) = calibrated::robot(path, self.part())? {
             return Ok(Subject::Robot(Box::new(Robot { floating: robot.floating || self.floating, ..robot })));
         }
         let source = Source::read::<String>(path)?;
         if !darm_robot::dh::is_table(source.text()) {
-            if self.floating || !self.locks.is_empty() {
-                return Err(Usage("--floating and --lock need a URDF or MJCF".into()).into());
+            if self.floating || !self.locks.is_empty() || self.root.is_some() {
+                return Err(Usage("--floating, --lock and --root need a URDF or MJCF".into()).into());
             }
             return Ok(Subject::Arm(Box::new(Arm::parse(path, source.text())?)));
         }
@@ -232,8 +240,8 @@ pub(crate) fn servo_joints(arm: &Arm) -> Vec<Coordinate> {
 }
 
 /// The robot of a file on a floating base, each of whose joints moves independently.
-pub(crate) fn floating(path: &std::path::Path) -> anyhow::Result<Robot> {
-    let robot = Locked(&[]).read_robot(path)?;
+pub(crate) fn floating(path: &std::path::Path, root: Option<&str>) -> anyhow::Result<Robot> {
+    let robot = Part { locks: &[], root }.read_robot(path)?;
     if let Some(joint) = robot.joints.iter().find(|joint| joint.mimic.is_some()) {
         let what = format!("{}: joint `{}` mimics another; remove its <mimic>", path.display(), joint.name);
         return Err(Usage(what).into());
@@ -244,6 +252,9 @@ pub(crate) fn floating(path: &std::path::Path) -> anyhow::Result<Robot> {
 /// The frame of this name; default: the most likely tool.
 pub(crate) fn frame_of<'a>(robot: &'a Robot, name: Option<&str>) -> Result<&'a RobotFrame, Usage> {
     let none = || Usage(format!("no frame `{}`; the frames are {}", name.unwrap_or("tool"), robot.frame_names()));
+    if let Some(site) = name.and_then(|name| robot.frame(&format!("{SITE}{name}"))) {
+        eprintln!("note: the frame is the body of this name; that of the site is `{}`", site.name);
+    }
     robot.frame_or_tool(name).ok_or_else(none)
 }
 
