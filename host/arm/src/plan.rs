@@ -10,7 +10,7 @@ mod timeline;
 
 use std::fmt;
 
-use darm_core::output::{CoilLimit, Wiring};
+use darm_core::output::{CoilLimit, Drive, Wiring};
 use darm_core::table::{Board, Checker, MAX_ROWS, Record, Row, RowError, TableError, head};
 use darm_core::units::{Micros, Word};
 
@@ -96,11 +96,50 @@ pub enum PlanError {
         visit: String,
         /// What is wrong.
         error: RowError,
-        /// The limits of the output that it breaks, from the profile.
-        limit: Option<CoilLimit>,
+        /// The rule of the profile that it breaks.
+        rule: Option<Rule>,
     },
     /// The board would refuse the table.
     Table(TableError),
+}
+
+/// A rule of a profile on the current of an output.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rule {
+    /// Longest time on.
+    LongestOn(CoilLimit),
+    /// Share of the time on.
+    Share(CoilLimit),
+    /// Least time between the beginnings of two peaks.
+    PeakPause {
+        /// Length of a peak, ms.
+        peak_ms: u16,
+        /// Time between two.
+        pause: Micros,
+    },
+}
+
+impl fmt::Display for Rule {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let off = "put words between in which the output is off";
+        match self {
+            Self::LongestOn(CoilLimit { max_on_ms, .. }) => {
+                write!(f, "(max_on_ms = {max_on_ms} in the profile); dwell for a shorter time, or {off}")
+            }
+            Self::Share(CoilLimit { duty_percent, window_ms, .. }) => {
+                write!(f, "(duty_percent = {duty_percent}, window_ms = {window_ms} in the profile); {off} for longer")
+            }
+            Self::PeakPause { peak_ms, pause } => {
+                let pause_ms = pause.0.div_ceil(1000);
+                write!(
+                    f,
+                    "(peak_ms = {peak_ms} in the profile: from one peak to the next it takes at least ten, {pause_ms} ms); \
+                     dwell for at least {} s, or leave the output on between these words",
+                    pause_ms as f64 / 1e3
+                )
+            }
+        }
+    }
 }
 
 impl fmt::Display for PlanError {
@@ -113,19 +152,11 @@ impl fmt::Display for PlanError {
             Self::TooManyRows { rows } => {
                 write!(f, "the program has {rows} rows, the board holds {MAX_ROWS}; visit fewer places")
             }
-            Self::Row { visit, error, limit } => {
-                write!(f, "{visit}: {error}")?;
-                match (error, limit) {
-                    (RowError::OnTooLong { .. }, Some(limit)) => {
-                        write!(f, " (max_on_ms = {} in the profile)", limit.max_on_ms)
-                    }
-                    (RowError::Duty { .. }, Some(CoilLimit { duty_percent, window_ms, .. })) => {
-                        write!(f, " (duty_percent = {duty_percent}, window_ms = {window_ms} in the profile)")
-                    }
-                    _ => Ok(()),
-                }?;
-                write!(f, "; dwell for a shorter time, or put a rest between")
+            Self::Row { visit, error: RowError::Duty { output }, rule: Some(rule @ Rule::PeakPause { .. }) } => {
+                write!(f, "{visit}: output {output} would have a peak before its pause is over {rule}")
             }
+            Self::Row { visit, error, rule: Some(rule) } => write!(f, "{visit}: {error} {rule}"),
+            Self::Row { visit, error, rule: None } => write!(f, "{visit}: {error}; dwell for longer"),
             Self::Table(error) => write!(f, "{error}"),
         }
     }
@@ -191,22 +222,33 @@ fn planned(arm: &Arm, visits: &[Visit], program: &Program<'_>) -> Result<Plan, P
     if rows.len() > MAX_ROWS {
         return Err(PlanError::TooManyRows { rows: rows.len() });
     }
-    let image =
-        encode(arm, board, &Contents { wiring, modules, rows: &rows, end: free }).map_err(|error| match error {
-            TableError::Row { row, error } => {
-                let visit = served.get(usize::from(row)).or(served.last()).and_then(|&visit| visits.get(visit));
-                let limit = limit_of(error, wiring);
-                PlanError::Row { visit: visit.map_or_else(String::new, |visit| visit.label.clone()), error, limit }
-            }
-            error => PlanError::Table(error),
-        })?;
+    let contents = Contents { wiring, modules, rows: &rows, end: free };
+    let image = encode(arm, board, &contents).map_err(|error| match error {
+        TableError::Row { row, error } => {
+            let visit = served.get(usize::from(row)).or(served.last()).and_then(|&visit| visits.get(visit));
+            let rule = rule_of(arm, board, &contents, (row, error));
+            PlanError::Row { visit: visit.map_or_else(String::new, |visit| visit.label.clone()), error, rule }
+        }
+        error => PlanError::Table(error),
+    })?;
     Ok(Plan { rows, end: free, windows, rested, rests: added, image })
 }
 
-/// The limits of the output that a row would break.
-fn limit_of(error: RowError, wiring: &Wiring) -> Option<CoilLimit> {
+/// The rule that a row would break. The board has one fault for the share of the holding current and for that of the peaks:
+/// where the same row is refused without a peak it is the holding current.
+fn rule_of(arm: &Arm, board: &Board<'_>, contents: &Contents<'_>, (row, error): (u16, RowError)) -> Option<Rule> {
     let (RowError::OnTooLong { output } | RowError::Duty { output }) = error else { return None };
-    wiring.coils.iter().find(|coil| coil.output == output).map(|coil| coil.limit)
+    let mut wiring = contents.wiring.clone();
+    let coil = wiring.coils.iter_mut().find(|coil| coil.output == output)?;
+    let (limit, pause) = (coil.limit, coil.drive.peak_pause());
+    if error == (RowError::OnTooLong { output }) {
+        return Some(Rule::LongestOn(limit));
+    }
+    let Drive::PeakHold { peak_ms, .. } = &mut coil.drive else { return Some(Rule::Share(limit)) };
+    let peak_ms = std::mem::replace(peak_ms, 0);
+    let without = encode(arm, board, &Contents { wiring: &wiring, ..*contents }).err();
+    let is_share = without == Some(TableError::Row { row, error });
+    Some(if is_share { Rule::Share(limit) } else { Rule::PeakPause { peak_ms, pause } })
 }
 
 fn check_visit(arm: &Arm, visit: &Visit) -> Result<(), PlanError> {
@@ -222,6 +264,7 @@ fn check_visit(arm: &Arm, visit: &Visit) -> Result<(), PlanError> {
 }
 
 /// What a table holds behind its first record.
+#[derive(Clone, Copy)]
 struct Contents<'a> {
     wiring: &'a Wiring,
     modules: &'a [Record],

@@ -93,6 +93,29 @@ fn a_coil_that_would_be_on_too_long_is_told_by_its_visit() {
     let error = planned(&arm("planar4.toml"), &visits).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "000000000001: output 11 would be on for longer than it may (max_on_ms = 300000 in the profile); dwell for a shorter time, or put a rest between"
+        "000000000001: output 11 would be on for longer than it may (max_on_ms = 300000 in the profile); dwell for a shorter time, or put words between in which the output is off"
     );
+}
+
+/// Two rules have one fault on the board, and cures that contradict each other.
+#[test]
+fn a_peak_that_comes_too_soon_and_a_share_that_is_too_large_have_their_own_cures() {
+    let arm = arm("planar4.toml");
+    let refusal = |duty_percent: u8, dwell_s: f64| {
+        let mut profile = profile_of(&arm, None).unwrap().profile;
+        let output = profile.outputs[11].as_mut().unwrap();
+        output.drive = Drive::PeakHold { pull: 11, hold: 12, peak_ms: 40 };
+        output.limit = CoilLimit { max_on_ms: 60_000, duty_percent, window_ms: 10_000 };
+        let profile = BoardProfile::new("peaks", profile);
+        let words = ["000000000001", "000000000000"].into_iter().cycle().take(40);
+        let visits: Vec<Visit> = words.map(|word| Visit { dwell_s, ..visit(word, None) }).collect();
+        plan(&arm, &visits, &profile.board(None), &[]).err().map(|error| error.to_string())
+    };
+    let peak = refusal(100, 0.01).unwrap();
+    let cure = "output 11 would have a peak before its pause is over (peak_ms = 40 in the profile: from one peak to the next it \
+                takes at least ten, 400 ms); dwell for at least 0.4 s, or leave the output on between these words";
+    assert!(peak.ends_with(cure), "{peak}");
+    assert_eq!(refusal(100, 0.4), None, "the cure works");
+    let share = refusal(20, 0.5).unwrap();
+    assert!(share.contains("(duty_percent = 20, window_ms = 10000 in the profile); put words between"), "{share}");
 }
