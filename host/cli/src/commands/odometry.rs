@@ -19,6 +19,7 @@ const EXAMPLES: &str = "\
 Examples:
   darm odometry drive.csv --radius 33 --track 160 --ticks-per-turn 4096
   darm odometry drive.csv --radius 33 --track 160 --ticks-per-turn 4096 --csv > path.csv
+  darm odometry drive.csv --radius 33 --track 160 --ticks-per-turn 4096 --counter-bits 16   # counters that wrap
   darm odometry --radius 33 --track 160 --ticks-per-turn 4096 --ticks 900,1100 --rate 50
   darm odometry --radius 33 --track 160 --speeds 340,360 --time 2   # deg/s
   darm odometry --radius 33 --track 160 --velocity 200,-30   # the inverse: speeds of the wheels
@@ -48,6 +49,9 @@ pub(crate) struct Odometry {
     /// Encoder ticks per turn of a wheel
     #[arg(long, value_name = "N")]
     ticks_per_turn: Option<f64>,
+    /// Width of the counters of the encoders in FILE.csv, which wrap: 8, 16 or 32 bits, say
+    #[arg(long, value_name = "BITS", requires = "file", value_parser = clap::value_parser!(u32).range(4..=53))]
+    counter_bits: Option<u32>,
     /// Variance of the travel of a wheel per m of it, mm²: the standard deviations of the pose are printed
     #[arg(long, value_name = "MM2", default_value_t = 0.0)]
     variance: f64,
@@ -136,7 +140,7 @@ impl Odometry {
             return ui.print(&self.wheels_to(&drive, text)?);
         }
         let readings = match &self.file {
-            Some(path) => read(path, &drive, self.ticks_per_turn)?,
+            Some(path) => read(path, &drive, self.ticks_per_turn, self.counter_bits)?,
             None => vec![self.one(&drive)?],
         };
         ui.print(&self.path(&drive, &readings))

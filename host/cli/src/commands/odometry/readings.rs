@@ -39,12 +39,42 @@ struct Rows {
     kind: Kind,
     t_s: Option<Vec<f64>>,
     wheels: Vec<[f64; 2]>,
+    /// The line of each row.
+    lines: Vec<usize>,
 }
 
 /// The readings of a table.
-pub(super) fn read(path: &Path, drive: &Drive<f64>, ticks_per_turn: Option<f64>) -> anyhow::Result<Vec<Reading>> {
+pub(super) fn read(
+    path: &Path,
+    drive: &Drive<f64>,
+    ticks_per_turn: Option<f64>,
+    counter_bits: Option<u32>,
+) -> anyhow::Result<Vec<Reading>> {
     let shown = path.display();
-    let Rows { kind, t_s, wheels } = rows(path)?;
+    let Rows { kind, t_s, mut wheels, lines } = rows(path)?;
+    let counter = match (counter_bits, kind) {
+        (Some(_), Kind::Speeds) => {
+            return Err(Usage(format!("--counter-bits: {shown} has speeds, which no counter wraps")).into());
+        }
+        (Some(bits), Kind::Counts | Kind::Ticks) => Some(f64::from(bits).exp2()),
+        (None, _) => None,
+    };
+    match kind {
+        Kind::Counts => {
+            for side in [0, 1] {
+                unwrap(&mut wheels, side, counter, &|row| format!("{shown}:{}", lines[row]))?;
+            }
+        }
+        Kind::Ticks => {
+            for (row, ticks) in wheels.iter_mut().enumerate() {
+                for ticks in ticks {
+                    *ticks = step(*ticks, counter)
+                        .map_err(|bits| asked(&format!("{shown}:{}", lines[row]), *ticks, bits))?;
+                }
+            }
+        }
+        Kind::Speeds => {}
+    }
     if kind != Kind::Speeds && ticks_per_turn.is_none() {
         return Err(Usage(format!("{shown}: the columns are ticks; give --ticks-per-turn")).into());
     }
@@ -69,6 +99,51 @@ pub(super) fn read(path: &Path, drive: &Drive<f64>, ticks_per_turn: Option<f64>)
     })
 }
 
+/// Widths of counters of encoders whose wraps no step of a wheel is as long as, bits.
+const WIDTHS: [u32; 2] = [16, 32];
+/// A step that is so near to a complete counter, as a share of it, is one of a counter that wrapped.
+const NEAR_WRAP: f64 = 0.25;
+
+/// A step of a counter of this many values that wraps: the one nearest to 0. `Err` where no width was given and the step is as
+/// long as one of a counter that wrapped: its bits.
+fn step(ticks: f64, counter: Option<f64>) -> Result<f64, u32> {
+    if let Some(values) = counter {
+        return Ok(ticks - values * (ticks / values).round());
+    }
+    let is_wrapped = |bits: &&u32| {
+        let values = f64::from(**bits).exp2();
+        ticks.abs() < values && ticks.abs() > (1.0 - NEAR_WRAP) * values
+    };
+    WIDTHS.iter().find(is_wrapped).map_or(Ok(ticks), |bits| Err(*bits))
+}
+
+/// Running totals without the wraps of their counter.
+fn unwrap(
+    wheels: &mut [[f64; 2]],
+    side: usize,
+    counter: Option<f64>,
+    place: &dyn Fn(usize) -> String,
+) -> Result<(), Usage> {
+    let mut before = wheels.first().map_or(0.0, |counts| counts[side]);
+    for row in 1..wheels.len() {
+        let ticks = wheels[row][side] - before;
+        before = wheels[row][side];
+        let ticks = step(ticks, counter).map_err(|bits| asked(&place(row), ticks, bits))?;
+        wheels[row][side] = wheels[row - 1][side] + ticks;
+    }
+    Ok(())
+}
+
+/// Whether a counter wrapped, as a question with both answers.
+fn asked(place: &str, ticks: f64, bits: u32) -> Usage {
+    let values = f64::from(bits).exp2();
+    let short = ticks - values * ticks.signum();
+    Usage(format!(
+        "{place}: a step of {ticks} ticks: did a counter of {bits} bits wrap, a step of {short}? give --counter-bits {bits}; if \
+         the wheel turned so far, give --counter-bits 53"
+    ))
+}
+
 fn rows(path: &Path) -> Result<Rows, CsvError> {
     let table = CsvTable::read(path)?;
     let at = |name: &str| table.column(name);
@@ -83,8 +158,9 @@ fn rows(path: &Path) -> Result<Rows, CsvError> {
     if kind == Kind::Speeds && time.is_none() {
         return Err(table.no_column("t_s, the time of each row in s, which speeds need"));
     }
-    let (mut wheels, mut times) = (Vec::new(), Vec::new());
+    let (mut wheels, mut times, mut lines) = (Vec::new(), Vec::new(), Vec::new());
     for row in table.rows() {
+        lines.push(row.line());
         wheels.push([row.number(sides[0])? * factor, row.number(sides[1])? * factor]);
         if let Some(column) = time {
             let time_s = row.number(column)?;
@@ -99,5 +175,31 @@ fn rows(path: &Path) -> Result<Rows, CsvError> {
     if wheels.len() < min_rows {
         return Err(table.wrong(CsvFault::Row("too few rows; add rows, counts and speeds need two".into())));
     }
-    Ok(Rows { kind, t_s: time.map(|_| times), wheels })
+    Ok(Rows { kind, t_s: time.map(|_| times), wheels, lines })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_counter_that_wraps_gives_the_step_nearest_to_zero_and_is_asked_for() {
+        let bits = |bits: u32| Some(f64::from(bits).exp2());
+        assert_eq!(
+            [step(65_236.0, bits(16)), step(-65_236.0, bits(16)), step(-300.0, bits(16))],
+            [Ok(-300.0), Ok(300.0), Ok(-300.0)]
+        );
+        assert_eq!(
+            (step(65_236.0, None), step(-300.0, None), step(4_294_967_000.0, None)),
+            (Err(16), Ok(-300.0), Err(32))
+        );
+        assert_eq!(step(65_236.0, bits(53)), Ok(65_236.0));
+        let mut wheels = [[100.0, 130.0], [65_336.0, 65_376.0], [65_036.0, 65_086.0], [100.0, 130.0]];
+        for side in [0, 1] {
+            unwrap(&mut wheels, side, bits(16), &|row| row.to_string()).unwrap();
+        }
+        assert_eq!(wheels, [[100.0, 130.0], [-200.0, -160.0], [-500.0, -450.0], [100.0, 130.0]]);
+        let asked = asked("a.csv:5", 65_236.0, 16).0;
+        assert!(asked.contains("a.csv:5: a step of 65236 ticks") && asked.contains("--counter-bits 16;"), "{asked}");
+    }
 }
