@@ -10,3 +10,4 @@ pub mod sampling;
 pub mod signals;
 pub(crate) mod table_findings;
 pub(crate) mod thinning;
+mod turns;

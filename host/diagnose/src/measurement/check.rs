@@ -134,6 +134,13 @@ fn angle_scale(run: &Run, predicted: &[Option<Pose<f64>>]) -> Option<Finding> {
     let are_degrees = predicted_rad * per_radian > 2.0 * ALIKE_RAD && apart(per_radian) < ALIKE_RAD.min(apart(1.0));
     let small = (1.0 / ALIKE..ALIKE).contains(&(measured_rad / predicted_rad * per_radian));
     let are_radians = predicted_rad > 1e-3 && small && apart(1.0 / per_radian) < 0.2 * apart(1.0);
+    // What a column is said to be in is known: only the other unit can be wrong. And turns about by chance: poses of which a
+    // few differ by the same angle agree with many multiples of it, so the same angles with the other sign must not do as well.
+    let is_sign = apart(-1.0) <= apart(per_radian).min(apart(1.0 / per_radian));
+    let (are_degrees, are_radians) = (
+        are_degrees && !is_sign && run.angles_in_degrees != Some(true),
+        are_radians && !is_sign && run.angles_in_degrees != Some(false),
+    );
     let cure = match (pairs().count() >= ROWS_TO_COMPARE, are_degrees, are_radians) {
         (true, true, _) => "they look like degrees in columns that end in _rad: let the names end in _deg",
         (true, _, true) => "they look like radians in columns that end in _deg: let the names end in _rad",

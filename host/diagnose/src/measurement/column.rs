@@ -1,10 +1,12 @@
 //! A column of a table: its name gives quantity and unit, its numbers are in SI.
 
 /// Factors to SI by the unit that a column's name ends in, and the unit that comes of it.
-const UNITS: [(&str, f64, &str); 30] = [
+const UNITS: [(&str, f64, &str); 32] = [
     ("s", 1.0, "s"),
     ("ms", 1e-3, "s"),
     ("us", 1e-6, "s"),
+    ("ns", 1e-9, "s"),
+    ("sec", 1.0, "s"),
     ("m", 1.0, "m"),
     ("mm", 1e-3, "m"),
     ("um", 1e-6, "m"),
@@ -35,8 +37,14 @@ const UNITS: [(&str, f64, &str); 30] = [
 ];
 
 /// Other names of quantities.
-const ALIASES: [(&str, &str); 8] = [
+const ALIASES: [(&str, &str); 14] = [
     ("t", "time"),
+    ("timestamp", "time"),
+    ("time_stamp", "time"),
+    ("stamp", "time"),
+    ("elapsed", "time"),
+    ("elapsed_time", "time"),
+    ("zeit", "time"),
     ("pos", "position"),
     ("x", "position"),
     ("p", "pressure"),
@@ -65,7 +73,8 @@ impl Column {
     /// The unit of its numbers in the file, as its name ends in it; empty where the name has none.
     pub fn file_unit(&self) -> &str {
         let name = self.name.trim();
-        name.get(self.quantity.len()..).and_then(|end| end.strip_prefix('_')).unwrap_or_default()
+        let end = name.get(self.quantity.len()..).unwrap_or_default();
+        end.strip_prefix('_').unwrap_or_else(|| end.trim_matches(|c: char| c.is_whitespace() || "[]".contains(c)))
     }
 
     /// What it holds, by the name that the table of quantities has first.
@@ -75,7 +84,7 @@ impl Column {
 
     /// Whether its name says that its numbers are degrees.
     pub(crate) fn in_degrees(&self) -> bool {
-        self.name.to_lowercase().ends_with("_deg")
+        self.file_unit().eq_ignore_ascii_case("deg")
     }
 }
 
@@ -87,6 +96,11 @@ pub fn units() -> impl Iterator<Item = &'static str> {
 /// The quantity in a column's name, the factor that brings its numbers to SI, and the unit that comes of it.
 pub(super) fn name_parts(name: &str) -> (String, f64, &'static str) {
     let small = name.trim().to_lowercase();
+    if let Some((base, unit)) = small.strip_suffix(']').and_then(|rest| rest.rsplit_once('['))
+        && let Some((_, factor, si)) = UNITS.iter().find(|(known, ..)| *known == unit.trim())
+    {
+        return (base.trim_end().to_owned(), *factor, si);
+    }
     let quantity = |unit: &str| small.strip_suffix(unit)?.strip_suffix('_').map(str::to_string);
     // Of the units that fit the longest: `v1_rad_s` is a velocity in rad/s.
     let fitting = UNITS.iter().filter_map(|(unit, factor, si)| Some((unit.len(), (quantity(unit)?, *factor, *si))));
@@ -113,6 +127,11 @@ mod tests {
             ("pressure_bar", "pressure", 1e5, "Pa"),
             ("held_out", "held_out", 1.0, ""),
             ("t_s", "t", 1.0, "s"),
+            ("Time [s]", "time", 1.0, "s"),
+            ("q1 [deg]", "q1", degree, "rad"),
+            ("timestamp_ms", "timestamp", 1e-3, "s"),
+            ("time_ns", "time", 1e-9, "s"),
+            ("t_sec", "t", 1.0, "s"),
         ] {
             assert_eq!(name_parts(name), (quantity.into(), factor, unit), "{name}");
         }

@@ -14,8 +14,9 @@ use flate2::write::GzEncoder;
 
 use super::csv_text::{csv_cells, csv_text};
 use super::error::ReadError;
+use super::foreign;
 use super::log::{self, LogError};
-use super::mcap::Log;
+use super::mcap::{self, Log};
 use super::{Run, Sample};
 use darm_robot::files::{FileRef, Limits};
 
@@ -25,6 +26,8 @@ pub(super) struct Content {
     pub(super) text: Vec<u8>,
     /// The file ends in the middle of a row, as when its writer was killed.
     pub(super) cut: bool,
+    /// What of a log is damaged and left out.
+    pub(super) damaged: Vec<String>,
 }
 
 /// The table in a file, expanded when its name ends in `.gz`, as text when it ends in `.mcap`. A file that ends early
@@ -35,19 +38,22 @@ pub(super) fn content(file: &FileRef<'_>) -> Result<Content, ReadError> {
     let ends_in = |end: &str| path.extension().is_some_and(|own| own == end);
     let mut text = file.bytes().map_err(io)?;
     let mut cut = false;
-    if ends_in("gz") {
+    if ends_in("gz") || text.starts_with(&[0x1f, 0x8b]) {
         (text, cut) = expanded(&text, &limits).map_err(io)?;
-    } else if ends_in("mcap") {
+    } else if ends_in("mcap") || text.starts_with(&mcap::MAGIC) {
         let log = log::text_within(&text, &limits);
-        (text, cut) = log.map_err(|error| ReadError::Log { path: path.into(), error })?;
-        return Ok(Content { text, cut });
+        let (text, cut, damaged) = log.map_err(|error| ReadError::Log { path: path.into(), error })?;
+        return Ok(Content { text, cut, damaged });
+    }
+    if let Some(fault) = foreign::unread(path, &text).or_else(|| foreign::imported(path, &text)) {
+        return Err(ReadError::Foreign { path: path.into(), fault });
     }
     cut |= is_last_row_short(&text);
     if cut {
         let end = text.iter().rposition(|&byte| byte == b'\n').map_or(0, |at| at + 1);
         text.truncate(end);
     }
-    Ok(Content { text, cut })
+    Ok(Content { text, cut, damaged: Vec::new() })
 }
 
 /// Compressed text, and whether it ends early; an error where not even its beginning can be read, or where it is longer than

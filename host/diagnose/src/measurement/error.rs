@@ -30,6 +30,14 @@ pub enum ReadError {
         /// What is wrong.
         error: LogError,
     },
+    /// The file is of a format of another program.
+    #[error("{}: {fault}", path.display())]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+        /// What it is, and the command that converts it.
+        fault: String,
+    },
     /// No column holds a quantity that cannot be done without.
     #[error(
         "{}: no column {column}; the file has {present}; rename a column so that it carries this quantity and unit, or give it that \

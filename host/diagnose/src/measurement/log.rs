@@ -77,14 +77,17 @@ pub fn to_text(log: &[u8]) -> Result<Vec<u8>, LogError> {
 ///
 /// As [`to_text`], but for a log that is cut; one that is cut before its first message is an error.
 pub fn to_text_of_complete_rows(log: &[u8]) -> Result<(Vec<u8>, bool), LogError> {
-    text_within(log, &Limits::COMMAND)
+    text_within(log, &Limits::COMMAND).map(|(text, cut, _)| (text, cut))
 }
 
-/// The same within other limits.
-pub(super) fn text_within(log: &[u8], limits: &Limits) -> Result<(Vec<u8>, bool), LogError> {
+/// The same within other limits, with what of the log is damaged and left out.
+pub(super) fn text_within(log: &[u8], limits: &Limits) -> Result<(Vec<u8>, bool, Vec<String>), LogError> {
     match Log::read_within(log, limits)? {
+        (log, _) if log.messages.is_empty() && !log.damaged.is_empty() => {
+            Err(McapError::Lost(log.damaged.join(", ")).into())
+        }
         (log, true) if log.messages.is_empty() => Err(McapError::Cut(0).into()),
-        (log, cut) => Ok((table(&log, limits)?, cut)),
+        (log, cut) => Ok((table(&log, limits)?, cut, log.damaged)),
     }
 }
 

@@ -48,9 +48,12 @@ pub enum McapError {
     /// A record reaches over the end, or the end is missing.
     #[error("the log ends in the middle of a record, after {0} complete messages: was it closed?")]
     Cut(usize),
-    /// A chunk that cannot be expanded.
-    #[error("a chunk in the compression `{0}` cannot be expanded; known are none, zstd and lz4")]
+    /// A compression that is not known.
+    #[error("its chunks are in the compression `{0}`, known are none, zstd and lz4; record it with one of these")]
     Compression(String),
+    /// Parts that cannot be read, where all are needed.
+    #[error("the log is damaged: {0}; use another copy")]
+    Lost(String),
     /// Chunks that expand to more than memory is given for.
     #[error("the log has more messages or metadata, or its chunks expand to more bytes, than are read; split the log")]
     TooLarge,
@@ -96,6 +99,12 @@ pub struct Log {
     pub messages: Vec<Message>,
     /// Keys and values of all metadata records; of one that comes again the last.
     pub metadata: BTreeMap<String, String>,
+    /// What of it is damaged and was left out, with its place.
+    pub damaged: Vec<String>,
+    /// Chunks so far.
+    n_chunks: usize,
+    /// Whether it has messages that no check sum but that of all data covers.
+    has_unchecked: bool,
     /// Names of the schemas, by their numbers.
     schemas: BTreeMap<u16, String>,
 }
@@ -144,16 +153,18 @@ impl Log {
     /// expanded, or have a message of a channel that no record declares.
     pub fn read(bytes: &[u8]) -> Result<Self, McapError> {
         match Self::read_complete_records(bytes)? {
+            (log, _) if !log.damaged.is_empty() => Err(McapError::Lost(log.damaged.join(", "))),
             (log, false) => Ok(log),
             (log, true) => Err(McapError::Cut(log.messages.len())),
         }
     }
 
-    /// The same of a container that may end early, as when its writer was killed; true if it does.
+    /// The same of a container that may end early, as when its writer was killed; true if it does. Chunks that are damaged are
+    /// left out and named in [`damaged`](Self::damaged).
     ///
     /// # Errors
     ///
-    /// As [`read`](Self::read), but for an early end.
+    /// As [`read`](Self::read), but for an early end and damaged chunks.
     pub fn read_complete_records(bytes: &[u8]) -> Result<(Self, bool), McapError> {
         Self::read_within(bytes, &Limits::COMMAND)
     }
@@ -173,6 +184,11 @@ impl Log {
             end => end.map(|()| complete.is_none())?,
         };
         log.check_sums(bytes)?;
+        if !log.damaged.is_empty() {
+            // Their channel may have been declared in a chunk that is lost.
+            let channels = &log.channels;
+            log.messages.retain(|message| channels.contains_key(&message.channel));
+        }
         match log.messages.iter().find(|message| !log.channels.contains_key(&message.channel)) {
             Some(message) => Err(McapError::Channel(message.channel)),
             None => Ok((log, cut)),
@@ -188,20 +204,28 @@ impl Log {
     }
 
     /// Compares the check sums of the data and of the summary, as far as they are there.
-    fn check_sums(&self, bytes: &[u8]) -> Result<(), McapError> {
+    fn check_sums(&mut self, bytes: &[u8]) -> Result<(), McapError> {
         let mut rest = Bytes(&bytes[MAGIC.len()..]);
         let place = |rest: &Bytes| bytes.len() - rest.0.len();
         loop {
             let start = place(&rest);
             let Some((opcode, mut content)) = rest.record() else { return Ok(()) };
             match opcode {
-                15 => expect_sum(&mut content, &bytes[..start], "the data")?,
+                15 => match expect_sum(&mut content, &bytes[..start], "the data") {
+                    // Which chunks are damaged is known by their own sums; records around them have no messages.
+                    Err(_) if !self.damaged.is_empty() => {}
+                    Err(_) if !self.has_unchecked => self.damaged.push("records between its chunks".into()),
+                    end => end?,
+                },
                 2 => {
                     let summary = content.u64().and_then(|at| usize::try_from(at).ok());
                     let _offsets = content.u64();
                     // Without a summary the sum is of the footer alone.
                     let from = summary.filter(|at| *at > 0 && *at <= start).unwrap_or(start);
-                    expect_sum(&mut content, &bytes[from..place(&rest).saturating_sub(4)], "the summary")?;
+                    let summary = &bytes[from..place(&rest).saturating_sub(4)];
+                    if expect_sum(&mut content, summary, "the summary").is_err() {
+                        self.damaged.push("its summary".into());
+                    }
                 }
                 _ => {}
             }
@@ -212,27 +236,49 @@ impl Log {
         let cut = McapError::Cut(self.messages.len());
         let Some((opcode, mut content)) = rest.record() else { return Err(cut) };
         match opcode {
+            // No record: what a file that was never written out is filled with.
+            0 => Err(cut),
             3 => self.schema(&mut content).ok_or(cut),
             4 => self.channel(&mut content).ok_or(cut),
             5 => {
                 room.messages = room.messages.checked_sub(1).ok_or(McapError::TooLarge)?;
+                self.has_unchecked |= !room.is_in_chunk;
                 self.message(&mut content).ok_or(cut)
             }
             6 if room.is_in_chunk => Err(McapError::Nested),
             6 => {
                 let Some(Chunk { mut crc, compression, records }) = chunk(&mut content) else { return Err(cut) };
-                let expanded = expanded(&compression, records, room.left).ok_or(McapError::Compression(compression))?;
+                self.n_chunks += 1;
+                let Some(expanded) = expanded(&compression, records, room.left)? else {
+                    self.lose(&format!("cannot be expanded from {compression}"));
+                    return Ok(());
+                };
                 room.left = room.left.checked_sub(expanded.len() as u64).ok_or(McapError::TooLarge)?;
-                expect_sum(&mut crc, &expanded, "a chunk")?;
+                self.has_unchecked |= crc.0.iter().all(|byte| *byte == 0);
+                if expect_sum(&mut crc, &expanded, "a chunk").is_err() {
+                    self.lose("does not match its check sum");
+                    return Ok(());
+                }
                 room.is_in_chunk = true;
-                self.records(&expanded, room)?;
+                let end = self.records(&expanded, room);
                 room.is_in_chunk = false;
-                Ok(())
+                match end {
+                    Err(McapError::Cut(_)) => {
+                        self.lose("ends in the middle of a record");
+                        Ok(())
+                    }
+                    end => end,
+                }
             }
             12 if self.metadata.len() > MAX_METADATA => Err(McapError::TooLarge),
             12 => self.metadata(&mut content).ok_or(cut),
             _ => Ok(()),
         }
+    }
+
+    /// Leaves a chunk out, and says which.
+    fn lose(&mut self, why: &str) {
+        self.damaged.push(format!("chunk {} {why}", self.n_chunks));
     }
 
     fn metadata(&mut self, content: &mut Bytes) -> Option<()> {
@@ -295,22 +341,20 @@ fn expect_sum(content: &mut Bytes, checked: &[u8], what: &'static str) -> Result
     }
 }
 
-/// The records of a chunk, cut behind the first byte for which no room is `left`.
-fn expanded(compression: &str, records: &[u8], left: u64) -> Option<Vec<u8>> {
+/// The records of a chunk, cut behind the first byte for which no room is `left`; `None` of damaged ones.
+fn expanded(compression: &str, records: &[u8], left: u64) -> Result<Option<Vec<u8>>, McapError> {
     let mut bytes = Vec::new();
-    match compression {
-        "" => bytes.extend_from_slice(records),
-        "zstd" => {
-            let decoder = ruzstd::decoding::StreamingDecoder::new(records).ok()?;
-            decoder.take(left + 1).read_to_end(&mut bytes).ok()?;
+    let read = match compression {
+        "" => {
+            bytes.extend_from_slice(records);
+            true
         }
-        "lz4" => {
-            let decoder = lz4_flex::frame::FrameDecoder::new(records);
-            decoder.take(left + 1).read_to_end(&mut bytes).ok()?;
-        }
-        _ => return None,
-    }
-    Some(bytes)
+        "zstd" => ruzstd::decoding::StreamingDecoder::new(records)
+            .is_ok_and(|decoder| decoder.take(left + 1).read_to_end(&mut bytes).is_ok()),
+        "lz4" => lz4_flex::frame::FrameDecoder::new(records).take(left + 1).read_to_end(&mut bytes).is_ok(),
+        _ => return Err(McapError::Compression(compression.into())),
+    };
+    Ok(read.then_some(bytes))
 }
 
 #[cfg(test)]
@@ -402,6 +446,33 @@ mod tests {
                 .records(&other[MAGIC.len()..], &mut Room { left: 10, messages: usize::MAX, is_in_chunk: false });
             assert!(matches!(end, Err(McapError::TooLarge)));
         }
+    }
+
+    #[test]
+    fn a_damaged_chunk_is_left_out_and_named_and_the_others_are_read() {
+        let mut writer = Writer::new(&[], "/a", ("A", "{}"));
+        writer.message(1, "{\"q\":1}");
+        let mut bytes = writer.take();
+        writer.message(2, "{\"q\":2}");
+        let second = bytes.len();
+        bytes.extend(writer.take());
+        writer.message(3, "{\"q\":3}");
+        bytes.extend(writer.finish());
+        let at = second + bytes[second..].windows(5).position(|part| part == b"\"q\":2").unwrap();
+        let mut flipped = bytes.clone();
+        flipped[at + 4] ^= 1;
+        let (log, is_cut) = Log::read_complete_records(&flipped).unwrap();
+        let times: Vec<u64> = log.messages.iter().map(|message| message.log_time).collect();
+        assert_eq!(
+            (times, is_cut, log.damaged),
+            (vec![1, 3], false, vec!["chunk 2 does not match its check sum".into()])
+        );
+        assert!(matches!(Log::read(&flipped), Err(McapError::Lost(_))));
+        // A file whose end was never written to the disk.
+        let mut zeroed = bytes.clone();
+        zeroed[at..].fill(0);
+        let (log, is_cut) = Log::read_complete_records(&zeroed).unwrap();
+        assert_eq!((log.messages.len(), log.damaged.len(), is_cut), (1, 1, true));
     }
 
     #[test]

@@ -42,6 +42,7 @@ pub mod csv_text;
 mod error;
 pub mod even_grid;
 mod finding;
+pub mod foreign;
 pub mod hold_out;
 pub mod log;
 pub mod mcap;
@@ -103,6 +104,8 @@ pub struct Run {
     pub lines: Vec<usize>,
     /// Which of them count.
     pub choice: Choice,
+    /// Whether the columns of the orientation are in degrees; `None` where they come from no file.
+    pub angles_in_degrees: Option<bool>,
 }
 
 /// Which samples of a run count, and how those that no fit sees are chosen.

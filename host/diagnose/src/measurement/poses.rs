@@ -58,7 +58,9 @@ pub fn read<'a>(file: impl Into<FileRef<'a>>, names: &Names, which: &Which) -> R
 /// column that the table does not have.
 pub fn of_table(table: &Table, which: &Which) -> Result<(Run, Vec<Finding>), ReadError> {
     let columns = Columns::find(table)?;
-    let (mut run, mut findings) = (Run::default(), columns.findings());
+    let in_degrees = columns.pose.last().is_some_and(|column| column.in_degrees());
+    let run = Run { angles_in_degrees: Some(in_degrees), ..Run::default() };
+    let (mut run, mut findings) = (run, columns.findings());
     let empty = |row: &usize| columns.needed().find(|column| column.words[*row].is_empty());
     let missing: Vec<(usize, &Column)> = (0..table.lines.len()).filter_map(|row| Some((row, empty(&row)?))).collect();
     findings.extend(missing_values(table, &missing));

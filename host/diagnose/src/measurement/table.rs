@@ -3,11 +3,11 @@
 //! # Columns
 //!
 //! The header names quantity and unit, as `pressure_bar`: what follows the last `_` is the unit where it is one of those
-//! below, and numbers become SI units and radians when they are read. Upper and lower case are the same in a quantity.
+//! below, or what follows in brackets, as in `pressure [bar]`, and numbers become SI units and radians when they are read. Upper and lower case are the same in a quantity.
 //!
 //! | unit | meaning | unit | meaning |
 //! | --- | --- | --- | --- |
-//! | `s`, `ms`, `us` | time | `n`, `nm` | force, torque |
+//! | `s`, `sec`, `ms`, `us`, `ns` | time | `n`, `nm` | force, torque |
 //! | `m`, `mm`, `um` | length | `bar`, `pa`, `kpa` | pressure over the surroundings' |
 //! | `rad`, `deg` | angle | `a`, `v` | current, voltage |
 //! | `c`, `k` | temperature | `count` | steps of an encoder |
@@ -15,7 +15,7 @@
 //!
 //! | quantity | names |
 //! | --- | --- |
-//! | time | `time`, `t` |
+//! | time | `time`, `t`, `timestamp`, `stamp`, `elapsed`; without a unit by the size of its numbers |
 //! | position, target | `position`, `pos`, `x`; `target` |
 //! | pressure, force, load | `pressure`, `p`; `force`, `f`; `load` |
 //! | temperature, supply | `temperature`, `temp`; `supply` |
@@ -65,6 +65,21 @@ fn with_plain_ends(text: &[u8]) -> Vec<u8> {
     (0..text.len()).filter(at).map(|k| text[k]).collect()
 }
 
+/// A column of time whose name has no unit, and whose numbers are too large for seconds since 1970, is brought to seconds;
+/// says so.
+fn time_without_unit(column: &mut Column) -> Option<Finding> {
+    let is_time = column.meaning() == "time" && column.unit.is_empty();
+    let largest = column.numbers.iter().copied().filter(|number| number.is_finite()).fold(0.0, f64::max);
+    // Of the years 2001 to 2286.
+    let sizes = [("ns", 1e18, 1e9), ("us", 1e15, 1e6), ("ms", 1e12, 1e3)];
+    let (unit, _, per_second) = *sizes.iter().find(|(_, least, _)| is_time && largest > *least)?;
+    column.numbers.iter_mut().for_each(|number| *number /= per_second);
+    column.unit = "s";
+    let name = &column.name;
+    let text = format!("{name} has no unit; by the size of its numbers it is time in {unit}");
+    Some(Finding::note(FindingKind::SuspectedUnit, text).in_column(name))
+}
+
 impl Table {
     /// Reads a table; `names` say what columns hold whose own names do not.
     ///
@@ -80,6 +95,11 @@ impl Table {
                 "the file ends early, in the middle of a row; its {} complete rows are read",
                 table.lines.len()
             );
+            findings.push(Finding::note(FindingKind::TruncatedFile, text));
+        }
+        if !content.damaged.is_empty() {
+            let (what, n) = (content.damaged.join(", "), table.lines.len());
+            let text = format!("the log is damaged and parts are left out: {what}; its {n} other rows are read");
             findings.push(Finding::note(FindingKind::TruncatedFile, text));
         }
         Ok((table, findings))
@@ -150,6 +170,7 @@ impl Table {
         if lines.is_empty() {
             return Err(ReadError::Empty { path: path.into() });
         }
+        findings.extend(columns.iter_mut().filter_map(time_without_unit));
         Ok((Self { path: path.into(), columns, lines, text, positions }, findings))
     }
 

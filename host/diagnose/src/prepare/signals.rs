@@ -15,6 +15,7 @@ use crate::prepare::groups::Row;
 use crate::prepare::sampling::{self, Sampling};
 use crate::prepare::table_findings::{check_times, constant, first_not_a_number, leave_out_gaps, units};
 use crate::prepare::thinning::one_of_each_part;
+use crate::prepare::turns;
 
 /// Rows up to which all are looked at where nothing is said.
 const MAX_ROWS: usize = 10_000;
@@ -107,6 +108,7 @@ impl Prepared {
         findings.extend(chosen.nothing(&how.hold_out));
         let HeldOut { rows: is_held_out, description: held_out, keys } = chosen;
         let motions = motions(&table, &how.segment_by, &time_s, &mut findings)?;
+        turns::unwrap(&mut table, &motions, &mut findings);
         let sampling = sampling::find(&mut time_s, &motions, &moving_channels(&table));
         findings.extend(sampling.sentence().map(|text| Finding::note(FindingKind::UnevenSampling, text)));
         let series = parted_by(&is_held_out, &motions);

@@ -31,6 +31,11 @@ pub(super) fn check_times(time_s: &[f64]) -> Result<(), PrepareError> {
     let count = |of: fn(f64) -> bool| time_s.windows(2).filter(|pair| of(pair[1] - pair[0])).count();
     let (backward, forward) = (count(|step_s| step_s < 0.0), count(|step_s| step_s > 0.0));
     let cure = "is this the column of time? give rows without it a rate with --rate";
+    if time_s.iter().all(|time_s| time_s.is_nan()) {
+        let text =
+            "the column of time has no numbers; convert the log with darm import, which reads dates and times of day";
+        return Err(PrepareError::Nothing(text.into()));
+    }
     if steps > 0 && forward == 0 && time_s.iter().all(|time_s| time_s.is_finite()) {
         return Err(PrepareError::Nothing(format!("time never increases; {cure}")));
     }
