@@ -4,15 +4,19 @@
 //! | --- | --- |
 //! | separator | tab, semicolon, comma or spaces: with which the lines have as many cells as each other, and the most numbers |
 //! | decimal comma | where the separator is none, and numbers have a comma and none a point |
+//! | preamble | lines before the first that has as many cells as most lines |
 //! | comments | lines that begin with `#`, `%` or `//`; the last one before the table is its header where it has as many names |
-//! | header | a first row with a cell that is not a number; a second row of units is read as such |
-//! | missing values | empty cells, `nan`, `NA`, `N/A`, `null`, `none`, `-` |
+//! | header | first rows with a text where the rows below have numbers; one of them may have the units |
+//! | missing values | empty cells, `nan`, `NA`, `N/A`, `null`, `none`, `?`, dashes |
 //!
 //! Byte order marks, `\r\n`, quotes, a separator after the last cell, and Latin-1 are read as well.
 
+use crate::clock;
 use crate::error::{Fault, Where};
+use crate::header::{Names, names};
+use crate::proposal;
 use crate::recording::{Column, Part, is_missing};
-use crate::time_stamp;
+use crate::time_stamp::{self, Dates};
 use crate::unit::{self, Unit};
 use darm_robot::csv_table::place_of;
 use darm_robot::files::Limits;
@@ -24,6 +28,10 @@ pub struct Dialect {
     pub delimiter: Option<char>,
     /// Whether the first row has names.
     pub has_header: Option<bool>,
+    /// Lines before the table, which are not read.
+    pub skip_lines: Option<usize>,
+    /// Which of day and month is first in dates.
+    pub dates: Option<Dates>,
 }
 
 /// Lines that are looked at to find the separator.
@@ -31,36 +39,70 @@ const LINES_TO_LOOK_AT: usize = 64;
 const DELIMITERS: [char; 4] = ['\t', ';', ',', ' '];
 
 /// A row of cells and its line.
-struct Row {
+pub(crate) struct Row {
     line: usize,
-    cells: Vec<String>,
+    pub(crate) cells: Vec<String>,
 }
 
 /// The table of a text file, and what its owner should know.
 pub(crate) fn read(bytes: &[u8], dialect: Dialect, limits: &Limits) -> Result<(Part, Vec<String>), Fault> {
     let mut notes = Vec::new();
     let text = decoded(bytes, &mut notes)?;
+    let text = without_lines(&text, dialect.skip_lines.unwrap_or(0));
     let (body, comment) = without_comments(&text);
     let delimiter = dialect.delimiter.unwrap_or_else(|| delimiter(&body));
     let ends_early = !text.ends_with(['\n', '\r']);
-    let mut rows = rows(&body, delimiter, ends_early, limits, &mut notes)?;
+    let mut rows = rows(&body, delimiter, limits)?;
     if rows.is_empty() {
         return Err(Fault::of_file("no rows: the file is empty, or holds comments alone"));
     }
+    let preamble = preamble(&mut rows, delimiter, dialect.skip_lines.is_none(), &mut notes);
+    even(&mut rows, delimiter, ends_early, &mut notes)?;
     let has_decimal_comma = delimiter != ',' && has_decimal_comma(&rows);
     if has_decimal_comma {
         rows.iter_mut().flat_map(|row| &mut row.cells).filter(|cell| is_comma_number(cell)).for_each(|cell| {
             *cell = cell.replace(',', ".");
         });
     }
-    let header = header(&mut rows, dialect.has_header, comment, delimiter);
+    let comment = comment.map(|comment| {
+        let by = DELIMITERS.into_iter().chain([delimiter]).map(|delimiter| cells(comment, delimiter));
+        by.filter(|names| names.iter().all(|name| number(name).is_none())).collect()
+    });
+    let Names { names, n_rows } = names(&rows, dialect.has_header, comment.unwrap_or_default());
+    rows.drain(..n_rows);
     if rows.is_empty() {
         return Err(Fault::of_file("there is a header and no rows"));
     }
-    let columns = header.into_iter().enumerate().map(|(k, (name, unit))| column(name, unit, k, &rows)).collect();
+    let mut columns = Vec::with_capacity(names.len());
+    let mut epochs_ns = Vec::with_capacity(names.len());
+    for (k, (name, unit)) in names.into_iter().enumerate() {
+        let unit = unit.or_else(|| unit_of(&name, &preamble));
+        let (column, epoch_ns) = column(name, unit, k, &rows, dialect, &mut notes);
+        columns.push(column);
+        epochs_ns.push(epoch_ns);
+    }
     let lines = rows.iter().map(|row| row.line).collect();
     let kind = format!("table, {}{}", described(delimiter), if has_decimal_comma { ", decimal comma" } else { "" });
-    Ok((Part { kind, shape: vec![rows.len()], columns, lines, ..Part::default() }, notes))
+    let mut part = Part { kind, shape: vec![rows.len()], columns, lines, ..Part::default() };
+    if let Some((k, unit)) = proposal::time_column(&part) {
+        if proposal::is_guessed(&part.columns[k]) && unit.name != "s" {
+            let name = &part.columns[k].name;
+            notes.push(format!(
+                "column {name}: its unit is not in the file; by the size of its numbers they are taken as {0}; if they are \
+                 not, give it with --unit '{name}=s'",
+                unit.name
+            ));
+        }
+        part.epoch_ns = epochs_ns[k].or_else(|| clock::from_first(&mut part, k, unit, &mut notes));
+    }
+    Ok((part, notes))
+}
+
+/// The text with its first lines made empty, so that the others keep their numbers.
+fn without_lines(text: &str, n: usize) -> String {
+    let end = if text.contains('\n') { '\n' } else { '\r' };
+    let skipped = text.split_inclusive(end).take(n).map(str::len).sum();
+    "\n".repeat(n) + text.get(skipped..).unwrap_or_default()
 }
 
 fn described(delimiter: char) -> &'static str {
@@ -73,12 +115,9 @@ fn described(delimiter: char) -> &'static str {
 }
 
 fn decoded(bytes: &[u8], notes: &mut Vec<String>) -> Result<String, Fault> {
-    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
-        return Err(Fault::of_file("the text is in UTF-16: save it in UTF-8"));
-    }
     if bytes.contains(&0) {
         return Err(Fault::of_file(
-            "no text and no format that is known: CSV, .npy, .npz, .mat, MCAP and ROS 2 bags are read",
+            "no text and no format that is known: CSV, .npy, .npz, .mat, MCAP and ROS 2 bags are read; save it as one of these",
         ));
     }
     let bytes = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes);
@@ -155,7 +194,7 @@ fn score(lines: &[&str], delimiter: char) -> (usize, usize) {
 }
 
 /// A number as text; `inf` and `nan` are numbers, digits with other signs between are not.
-fn number(cell: &str) -> Option<f64> {
+pub(crate) fn number(cell: &str) -> Option<f64> {
     cell.trim().parse().ok()
 }
 
@@ -169,22 +208,17 @@ fn is_comma_number(cell: &str) -> bool {
         && number(&format!("{before}.{behind}")).is_some()
 }
 
+/// Whether more numbers have a comma than a point: a text may have some of either.
 fn has_decimal_comma(rows: &[Row]) -> bool {
     let cells = || rows.iter().flat_map(|row| &row.cells);
-    cells().any(|cell| is_comma_number(cell)) && !cells().any(|cell| cell.contains('.') && number(cell).is_some())
+    let with_comma = cells().filter(|cell| is_comma_number(cell)).count();
+    with_comma > cells().filter(|cell| cell.contains('.') && number(cell).is_some()).count()
 }
 
-/// The rows with as many cells each. A last row that is short and has no end was cut off and is left out.
-fn rows(
-    body: &str,
-    delimiter: char,
-    ends_early: bool,
-    limits: &Limits,
-    notes: &mut Vec<String>,
-) -> Result<Vec<Row>, Fault> {
+/// The rows of a text; they need not be as long as each other.
+fn rows(body: &str, delimiter: char, limits: &Limits) -> Result<Vec<Row>, Fault> {
     let mut rows = Vec::new();
     let mut n_cells = 0;
-    // Rows need not be as long as each other yet.
     let mut add = |row: Row| {
         n_cells += row.cells.len().max(1);
         rows.push(row);
@@ -205,7 +239,34 @@ fn rows(
             add(Row { line, cells: record.iter().map(str::to_owned).collect() })?;
         }
     }
-    let Some(width) = rows.first().map(|row: &Row| row.cells.len()) else { return Ok(rows) };
+    Ok(rows)
+}
+
+/// Takes the lines off that are before the table: those before the first one that has as many cells as most lines. A line with
+/// one cell more or less is no preamble but a damaged row.
+fn preamble(rows: &mut Vec<Row>, delimiter: char, is_sought: bool, notes: &mut Vec<String>) -> Vec<Row> {
+    let mut counts = std::collections::BTreeMap::new();
+    rows.iter().for_each(|row| *counts.entry(row.cells.len()).or_insert(0) += 1);
+    let width = counts.iter().max_by_key(|(width, n)| (**n, **width)).map_or(0, |(width, _)| *width);
+    let n = rows.iter().position(|row| row.cells.len() == width).unwrap_or(0);
+    let is_other = |row: &Row| row.cells.len() == 1 || row.cells.len().abs_diff(width) > 1;
+    if !is_sought || n == 0 || width < 2 || !rows[..n].iter().all(is_other) {
+        return Vec::new();
+    }
+    let preamble: Vec<Row> = rows.drain(..n).collect();
+    let first = preamble[0].cells.join(&delimiter.to_string());
+    let shown: String = first.chars().take(60).collect();
+    let dots = if shown.len() < first.len() { "…" } else { "" };
+    notes.push(match n {
+        1 => format!("the line before the table, `{shown}{dots}`, is not read"),
+        _ => format!("{n} lines before the table, from `{shown}{dots}` on, are not read"),
+    });
+    preamble
+}
+
+/// Makes rows as long as each other. A last row that is short and has no end was cut off and is left out.
+fn even(rows: &mut Vec<Row>, delimiter: char, ends_early: bool, notes: &mut Vec<String>) -> Result<(), Fault> {
+    let Some(width) = rows.first().map(|row| row.cells.len()) else { return Ok(()) };
     // A separator after the last cell of each row.
     let is_open = |row: &Row| row.cells.len() == width + 1 && row.cells[width].is_empty();
     rows.iter_mut().filter(|row| is_open(row)).for_each(|row| row.cells.truncate(width));
@@ -216,63 +277,57 @@ fn rows(
     match rows.iter().find(|row| row.cells.len() != width) {
         Some(row) => {
             let text = format!(
-                "{} cells, the first row has {width} ({}); repair the row, or name the separator with --delimiter",
+                "{} cells, the first row has {width} ({}); repair the row, name the separator with --delimiter, or leave out \
+                 the lines before the table with --skip-lines {}",
                 row.cells.len(),
-                described(delimiter)
+                described(delimiter),
+                row.line - 1
             );
             Err(Fault::at(Where::Line(row.line), text))
         }
-        None => Ok(rows),
+        None => Ok(()),
     }
 }
 
-/// Names and units of the columns, taken from the first rows or from a comment.
-fn header(
-    rows: &mut Vec<Row>,
-    has_header: Option<bool>,
-    comment: Option<&str>,
-    delimiter: char,
-) -> Vec<(String, Option<String>)> {
-    let has_text = |row: &Row| {
-        row.cells.iter().any(|cell| number(cell).is_none() && !is_missing(cell) && time_stamp::parse(cell).is_none())
-    };
-    let width = rows[0].cells.len();
-    if has_header.unwrap_or_else(|| has_text(&rows[0])) {
-        let names = rows.remove(0).cells;
-        let is_units = |row: &Row| {
-            let given: Vec<&String> = row.cells.iter().filter(|cell| !is_missing(cell)).collect();
-            let unit = |cell: &String| cell.trim_matches(['[', ']', '(', ')']).to_owned();
-            !given.is_empty() && given.iter().all(|cell| Unit::named(&unit(cell)).is_some())
-        };
-        let units = (rows.len() > 1 && is_units(&rows[0])).then(|| rows.remove(0).cells);
-        let unit = |k: usize| units.as_ref().map(|units| units[k].trim_matches(['[', ']', '(', ')']).to_owned());
-        let named = names.into_iter().enumerate().map(|(k, name)| if name.is_empty() { numbered(k) } else { name });
-        return named.enumerate().map(|(k, name)| (name, unit(k).filter(|unit| !unit.is_empty()))).collect();
+/// The unit that a preamble gives a column: Motive writes that of its positions as `Length Units,Millimeters`.
+fn unit_of(name: &str, preamble: &[Row]) -> Option<String> {
+    if !name.to_lowercase().contains("position") {
+        return None;
     }
-    let from_comment = comment.filter(|_| has_header.is_none()).map(|comment| {
-        let by = DELIMITERS.into_iter().chain([delimiter]).map(|delimiter| cells(comment, delimiter));
-        by.filter(|names| names.len() == width).find(|names| names.iter().all(|name| number(name).is_none()))
-    });
-    match from_comment.flatten() {
-        Some(names) => names.into_iter().map(|name| (name, None)).collect(),
-        None => (0..width).map(|k| (numbered(k), None)).collect(),
-    }
+    let pairs = preamble.iter().flat_map(|row| row.cells.windows(2));
+    let unit = pairs.filter(|pair| pair[0].eq_ignore_ascii_case("length units")).map(|pair| pair[1].clone()).next();
+    unit.filter(|unit| Unit::named(unit).is_some())
 }
 
-/// The name of a column without one: its number from 1.
-fn numbered(k: usize) -> String {
-    (k + 1).to_string()
-}
-
-fn column(name: String, unit: Option<String>, k: usize, rows: &[Row]) -> Column {
+/// A column, and what it counts from where its cells are calendar time, ns since 1970.
+fn column(
+    name: String,
+    unit: Option<String>,
+    k: usize,
+    rows: &[Row],
+    dialect: Dialect,
+    notes: &mut Vec<String>,
+) -> (Column, Option<i64>) {
     let texts: Vec<String> = rows.iter().map(|row| row.cells[k].clone()).collect();
     let numbers: Vec<f64> = texts.iter().map(|text| number(text).unwrap_or(f64::NAN)).collect();
     let unit = unit.or_else(|| unit::text(&name).map(str::to_owned));
     let column = Column { name, unit, numbers, texts };
-    // A column of calendar time is one of seconds since 1970.
-    let stamps: Option<Vec<f64>> = column.texts.iter().map(|text| time_stamp::parse(text)).collect();
-    match stamps {
-        Some(numbers) => Column { numbers, texts: Vec::new(), unit: Some("s".into()), ..column },
-        None => column,
+    let cells = column.texts.iter().map(|text| Some(text.as_str()).filter(|text| !is_missing(text)));
+    match time_stamp::column(cells, dialect.dates) {
+        None => (column, None),
+        Some(Err(asked)) => {
+            notes.push(format!("column {}: {asked}", column.name));
+            (column, None)
+        }
+        Some(Ok(stamps)) => {
+            notes.extend(stamps.note.map(|note| format!("column {}: {note}", column.name)));
+            let first = stamps.ns.iter().flatten().next().copied().unwrap_or(0);
+            // From the first, so that nanoseconds are kept; a time of day from midnight.
+            let zero = if stamps.is_since_1970 { first } else { 0 };
+            let seconds = |ns: &Option<i64>| ns.map_or(f64::NAN, |ns| (ns - zero) as f64 / 1e9);
+            let numbers = stamps.ns.iter().map(seconds).collect();
+            let column = Column { numbers, texts: Vec::new(), unit: Some("s".into()), ..column };
+            (column, stamps.is_since_1970.then_some(first))
+        }
     }
 }

@@ -10,8 +10,10 @@
 //! knows these formats: every command that takes measurements reads what comes out.
 
 mod array;
+mod clock;
 mod delimited;
 mod error;
+mod header;
 pub mod join;
 pub mod map_file;
 pub mod mapping;

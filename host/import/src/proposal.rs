@@ -5,7 +5,7 @@ use crate::recording::{Column, Part, Recording};
 use crate::unit::{self, Unit};
 
 /// Names of time, in small letters without unit.
-const TIMES: [&str; 13] = [
+const TIMES: [&str; 20] = [
     "time",
     "t",
     "stamp",
@@ -17,8 +17,15 @@ const TIMES: [&str; 13] = [
     "elapsed_time",
     "sec",
     "seconds",
+    "nsec",
+    "nanosec",
+    "usec",
     "zeit",
+    "zeitstempel",
     "datetime",
+    "date_time",
+    "date",
+    "clock",
 ];
 
 /// Words that name a quantity of joints, by what our columns call it, and its unit of SI.
@@ -89,20 +96,38 @@ pub fn time_column(part: &Part) -> Option<(usize, Unit)> {
 }
 
 /// The unit of a column that is time by its name.
-fn time_unit(column: &Column) -> Option<Unit> {
-    let (base, unit) = unit::split(&column.name);
-    let base = base.rsplit(['/', '.']).next().unwrap_or(base).to_lowercase().replace(' ', "_");
-    // The unit of a column such as `sec` is its name.
-    let unit = Unit::named(column.unit.as_deref().unwrap_or("")).or(unit).or_else(|| Unit::named(&base));
+pub(crate) fn time_unit(column: &Column) -> Option<Unit> {
+    let (base, unit) = time_name(column);
     let unit = unit.unwrap_or_else(|| of_size(column));
     (TIMES.contains(&base.as_str()) && unit.dimension() == "time" && column.is_numeric()).then_some(unit)
 }
 
-/// The unit of time stamps since 1970 by their size: of the years 2001 to 2100, else s.
+/// Whether the unit of a column of time is neither in the file nor in its name.
+pub(crate) fn is_guessed(column: &Column) -> bool {
+    time_name(column).1.is_none()
+}
+
+/// What a column is called, without prefix and unit, and the unit that it names.
+fn time_name(column: &Column) -> (String, Option<Unit>) {
+    let (base, unit) = unit::split(&column.name);
+    let base = base.rsplit(['/', '.']).next().unwrap_or(base).to_lowercase().replace(' ', "_");
+    // The unit of a column such as `sec` is its name.
+    let unit = Unit::named(column.unit.as_deref().unwrap_or("")).or(unit).or_else(|| Unit::named(&base));
+    (base, unit)
+}
+
+/// The unit of time stamps by their size: since 1970 of the years 2001 to 2100; of integers that rise by a million and more,
+/// which is a row in twelve days of s, ns; else s.
 fn of_size(column: &Column) -> Unit {
+    const NANOSECONDS_A_ROW: f64 = 1e6;
     let largest = column.range().map_or(0.0, |[_, high]| high);
+    let mut steps: Vec<f64> =
+        column.numbers.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0).collect();
+    steps.sort_by(f64::total_cmp);
+    let is_fast = steps.get(steps.len() / 2).is_some_and(|step| *step >= NANOSECONDS_A_ROW);
     let unit = ["ns", "us", "ms"].into_iter().zip([1e18, 1e15, 1e12]).find(|(_, min)| largest > *min);
-    Unit::named(unit.map_or("s", |(unit, _)| unit)).expect("these units are known")
+    let unit = unit.map_or(if is_fast { "ns" } else { "s" }, |(unit, _)| unit);
+    Unit::named(unit).expect("these units are known")
 }
 
 /// A mapping of all columns; columns whose meaning is not known keep their names.
@@ -117,13 +142,15 @@ pub fn propose(recording: &Recording, units: &[(String, Unit)]) -> Mapping {
             let is_named = known.unit_of(column).is_some();
             add(&mut mapping, "time_s".into(), column, if is_named { Scale::OfFile } else { Scale::In(unit) });
         }
-        let zero_based = zero_based(part);
+        let (zero_based, pose) = (zero_based(part), pose(part));
         for (k, column) in part.columns.iter().enumerate() {
             let is_stamp = !part.stamps_ns.is_empty() && time_unit(column).is_some();
             if time.map(|(at, _)| at) != Some(k) && !is_stamp {
-                let (name, needed) = meaning(part, column, &zero_based);
+                let of_pose =
+                    pose.iter().find(|(column, ..)| *column == k).map(|(_, name, unit)| ((*name).to_owned(), *unit));
+                let (name, needed) = of_pose.unwrap_or_else(|| meaning(part, column, &zero_based));
                 let unit = known.unit_of(column).map(Unit::written).or_else(|| Unit::named(needed));
-                let numeric = unit.filter(|_| column.is_numeric());
+                let numeric = unit.filter(|_| column.is_mostly_numeric());
                 let target = numeric.map_or(name.clone(), |unit| format!("{name}_{}", unit.name));
                 add(&mut mapping, target, column, Scale::OfFile);
             }
@@ -180,8 +207,52 @@ fn meaning(part: &Part, column: &Column, zero_based: &[&str]) -> (String, &'stat
         return (format!("{quantity}{}", number + usize::from(zero_based.contains(&quantity))), unit);
     }
     let plain = plain(base);
+    let plain = if plain.eq_ignore_ascii_case("wort") { "word".to_owned() } else { plain };
     let own = OWN.iter().find(|(name, _)| plain.eq_ignore_ascii_case(name));
     own.map_or((plain.clone(), ""), |(_, unit)| (plain.clone(), unit))
+}
+
+/// The columns of the first pose of a table, as EuRoC, TUM, `rostopic echo -p` and Motive name them: a position and a
+/// quaternion; none where one of the seven is missing.
+fn pose(part: &Part) -> Vec<(usize, &'static str, &'static str)> {
+    const POSITION: [&str; 6] = ["position", "translation", "pos", "trans", "p", "t"];
+    const ROTATION: [&str; 6] = ["orientation", "rotation", "quaternion", "quat", "rot", "q"];
+    const WANTED: [(&str, &str, &[&str], &str); 7] = [
+        ("x", "x", &POSITION, "m"),
+        ("y", "y", &POSITION, "m"),
+        ("z", "z", &POSITION, "m"),
+        ("qx", "x", &ROTATION, ""),
+        ("qy", "y", &ROTATION, ""),
+        ("qz", "z", &ROTATION, ""),
+        ("qw", "w", &ROTATION, ""),
+    ];
+    if !part.stamps_ns.is_empty() {
+        return Vec::new();
+    }
+    let words = |column: &Column| -> Vec<String> {
+        let base = unit::split(&column.name).0.to_lowercase();
+        let mut words: Vec<String> = base.split(|c: char| !c.is_alphanumeric()).map(str::to_owned).collect();
+        // `tx`, `qw`
+        if let Some(last) = words.pop() {
+            match last.split_at_checked(1) {
+                Some((kind @ ("t" | "p" | "q"), axis @ ("x" | "y" | "z" | "w"))) => {
+                    words.extend([kind, axis].map(str::to_owned))
+                }
+                _ => words.push(last),
+            }
+        }
+        words
+    };
+    let named: Vec<Vec<String>> = part.columns.iter().map(words).collect();
+    let found = WANTED.iter().map(|(name, axis, kinds, unit)| {
+        let is_meant = |words: &Vec<String>| {
+            words
+                .split_last()
+                .is_some_and(|(last, rest)| last == axis && rest.iter().any(|word| kinds.contains(&word.as_str())))
+        };
+        Some((named.iter().position(is_meant)?, *name, *unit))
+    });
+    found.collect::<Option<_>>().unwrap_or_default()
 }
 
 /// A quantity of a joint and the number of the joint as the name counts it: `q[:,0]` is 1, `joint_3` is 3.
@@ -221,6 +292,14 @@ fn of_topic(part: &Part, column: &Column) -> (String, &'static str) {
     let field = column.name.strip_prefix(&format!("{}/", part.name)).unwrap_or(&column.name);
     if part.kind.ends_with("JointState") {
         let (quantity, name) = field.split_once('.').unwrap_or(("position", field));
+        // Of messages without names the number.
+        if let Ok(number) = name.parse::<usize>() {
+            return match quantity {
+                "velocity" => (format!("v{number}"), ""),
+                "effort" => (format!("tau{number}"), ""),
+                _ => (format!("q{number}"), ""),
+            };
+        }
         let name = plain(name);
         return match quantity {
             "velocity" => (format!("v_{name}"), ""),
@@ -298,5 +377,22 @@ mod tests {
         assert_eq!(proposed(&["q0", "q1"]), ["q1_rad", "q2_rad"]);
         assert_eq!(proposed(&["tau[:,0]", "tau[:,1]"]), ["tau1_nm", "tau2_nm"]);
         assert_eq!(proposed(&["1", "a", "a"]), ["column_1", "a", "a_2"]);
+        assert_eq!(proposed(&["timestamp_ms", "Wort"]), ["time_s", "word"]);
+    }
+
+    #[test]
+    fn poses_are_recognised_as_other_programs_name_them() {
+        let expected = ["x_m", "y_m", "z_m", "qw", "qx", "qy", "qz"];
+        let euroc =
+            ["p_RS_R_x [m]", "p_RS_R_y [m]", "p_RS_R_z [m]", "q_RS_w []", "q_RS_x []", "q_RS_y []", "q_RS_z []"];
+        assert_eq!(proposed(&euroc), expected);
+        assert_eq!(proposed(&["tx", "ty", "tz", "qw", "qx", "qy", "qz"]), expected);
+        let of = |axis: &str, kind: &str| format!("field.pose.{kind}.{axis}");
+        let ros = [("x", "position"), ("y", "position"), ("z", "position")].map(|(axis, kind)| of(axis, kind));
+        let turn = ["w", "x", "y", "z"].map(|axis| of(axis, "orientation"));
+        let names: Vec<&str> = ros.iter().chain(&turn).map(String::as_str).collect();
+        assert_eq!(proposed(&names), expected);
+        // Without a w it is no quaternion.
+        assert_eq!(proposed(&["tx", "ty", "tz"]), ["tx", "ty", "tz"]);
     }
 }

@@ -3,6 +3,7 @@
 use std::io::Read as _;
 use std::path::Path;
 
+use darm_diagnose::measurement::foreign;
 use darm_robot::files::{FileRef, Limits};
 use flate2::read::MultiGzDecoder;
 
@@ -38,8 +39,8 @@ pub fn read<'a>(file: impl Into<FileRef<'a>>, dialect: Dialect) -> Result<Record
         }
         bytes = expanded;
     }
-    if bytes.starts_with(b"SQLite format 3\0") {
-        return Err(ros::bag::sqlite(path));
+    if let Some(fault) = foreign::unread(path, &bytes) {
+        return Err(ImportError::new(path, "", fault));
     }
     parts(path, bytes, dialect, &limits).map(recording).map_err(|fault| fault.in_file(path))
 }
@@ -70,11 +71,6 @@ fn parts(path: &Path, bytes: Vec<u8>, dialect: Dialect, limits: &Limits) -> Resu
     }
     if bytes.starts_with(b"\x89MCAP") || end == "mcap" {
         return ros::log::read(&[bytes], limits);
-    }
-    if bytes.starts_with(b"#ROSBAG V") {
-        let cure =
-            "a bag of ROS 1 is not read: convert it with `rosbags-convert --src log.bag --dst log --dst-storage mcap`";
-        return Err(Fault::of_file(cure));
     }
     let (part, notes) = delimited::read(&bytes, dialect, limits)?;
     Ok((vec![part], notes))

@@ -28,6 +28,8 @@ pub struct Part {
     pub stamps_ns: Vec<i64>,
     /// Line of each row of a text file; empty elsewhere.
     pub lines: Vec<usize>,
+    /// What its column of time counts from, ns since 1970; `None` where the file does not say it or has it in the numbers.
+    pub epoch_ns: Option<i64>,
 }
 
 /// Numbers of one quantity, row by row.
@@ -53,6 +55,19 @@ impl Column {
     pub fn first_text(&self) -> Option<(usize, &str)> {
         let is_text = |(row, text): &(usize, &String)| self.numbers[*row].is_nan() && !is_missing(text);
         self.texts.iter().enumerate().find(is_text).map(|(row, text)| (row, text.as_str()))
+    }
+
+    /// The cells that are neither missing nor a number, of few beside numbers: `ERR`, `overflow`.
+    pub(crate) fn stray(&self) -> Vec<&str> {
+        let is_text = |(row, text): &(usize, &String)| self.numbers[*row].is_nan() && !is_missing(text);
+        let stray: Vec<&str> = self.texts.iter().enumerate().filter(is_text).map(|(_, text)| text.as_str()).collect();
+        // Fewer than one in ten: more are states.
+        if 10 * stray.len() <= self.n_values() { stray } else { Vec::new() }
+    }
+
+    /// Whether all cells with a value are numbers, but for a few strays.
+    pub(crate) fn is_mostly_numeric(&self) -> bool {
+        self.is_numeric() || !self.stray().is_empty()
     }
 
     /// Whether all cells with a value are numbers.
@@ -95,5 +110,8 @@ impl Part {
 
 /// Whether a cell of a text file has no value.
 pub(crate) fn is_missing(cell: &str) -> bool {
-    ["", "nan", "na", "n/a", "null", "none", "-", "--"].contains(&cell.trim().to_ascii_lowercase().as_str())
+    let cell = cell.trim().to_ascii_lowercase();
+    // Of any length: programs fill the width of a column.
+    let is_dashes = cell.chars().all(|c| matches!(c, '-' | '–' | '—'));
+    is_dashes || ["nan", "na", "n/a", "n.a.", "#n/a", "null", "none", "nil", "?"].contains(&cell.as_str())
 }

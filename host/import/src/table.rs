@@ -81,7 +81,7 @@ impl Table {
         notes.extend(missing(&found, base, &columns));
         let row = |row: usize| columns.iter().map(|cells| cells.text(row)).collect();
         let mut about = vec![("source".to_owned(), recording.path.display().to_string())];
-        if let Some(stamp) = base.stamps_ns.first().filter(|stamp| **stamp > 0) {
+        if let Some(stamp) = base.epoch_ns.as_ref().or(base.stamps_ns.first()).filter(|stamp| **stamp > 0) {
             let (seconds, rest) = (stamp / 1_000_000_000, stamp % 1_000_000_000);
             about.push((FIRST_ROW.to_owned(), format!("{seconds}.{rest:09}")));
         }
@@ -179,7 +179,19 @@ fn converted(found: &Found, notes: &mut Vec<String>) -> Result<Cells, Wrong> {
     if let Some((row, text)) = column.first_text() {
         let numbered = || Where::Part(format!("row {}", row + 1));
         let place = found.part.lines.get(row).map_or_else(numbered, |line| Where::Line(*line));
-        return Err((place, format!("column {} holds `{text}`, expected a number", column.name)));
+        let stray = column.stray().len();
+        if stray == 0 {
+            let text = format!(
+                "column {} holds `{text}`, expected a number; correct the cell or map another column",
+                column.name
+            );
+            return Err((place, text));
+        }
+        let n = column.n_values();
+        notes.push(format!(
+            "{}: {stray} of {n} cells, such as `{text}`, are no numbers, and are left empty",
+            column.name
+        ));
     }
     if (factor, offset) == (1.0, 0.0) {
         return Ok(Cells::Numbers(column.numbers.clone()));

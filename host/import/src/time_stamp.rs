@@ -1,55 +1,247 @@
-//! Calendar time as text (ISO 8601), in seconds since 1970.
+//! Calendar time and time of day as text, in nanoseconds.
+//!
+//! | date | read as |
+//! | --- | --- |
+//! | `2024-05-31`, `2024/05/31` | year, month, day (ISO 8601) |
+//! | `31.05.2024` | day, month, year |
+//! | `5/31/2024`, `31-05-2024` | by [`Dates`]: which of day and month is first is not in the text |
+//! | none | time of day, which a next day continues |
+//!
+//! The time is `12:30`, `12:30:00.25`, `12:30:00,25` or, after a date, `12.30.00.25`; `AM` or `PM` may follow, or `Z` or
+//! `+02:00`. Without a zone it is UTC.
 
-/// `2024-05-01 12:30:00.25`, with `T` for the blank, `/` for `-`, and `Z` or `+02:00` behind; without these it is UTC.
-pub fn parse(text: &str) -> Option<f64> {
-    let text = text.trim();
-    let (date, clock) = text.split_at_checked(10)?;
-    let mut numbers = date.split(['-', '/']).map(|part| part.parse::<i64>().ok());
-    let (year, month, day) = (numbers.next()??, numbers.next()??, numbers.next()??);
-    let clock = clock.strip_prefix([' ', 'T'])?;
-    let (clock, ahead_s) = match clock.find(['+', '-', 'Z']) {
-        Some(at) => (&clock[..at], zone_s(&clock[at..])?),
-        None => (clock, 0.0),
-    };
-    let mut parts = clock.split(':');
-    let (hours, minutes): (u32, u32) = (parts.next()?.parse().ok()?, parts.next()?.parse().ok()?);
-    let seconds: f64 = parts.next().map_or(Some(0.0), |text| text.replace(',', ".").parse().ok())?;
-    let is_date = (1900..3000).contains(&year) && (1..=12).contains(&month) && (1..=31).contains(&day);
-    let is_clock = hours < 24 && minutes < 60 && (0.0..61.0).contains(&seconds) && parts.next().is_none();
-    let day_s = f64::from(hours * 3600 + minutes * 60) + seconds;
-    (is_date && is_clock).then(|| days(year, month, day) as f64 * 86400.0 + day_s - ahead_s)
+const NS: i64 = 1_000_000_000;
+const DAY_NS: i64 = 86_400 * NS;
+
+/// Which of day and month is first in dates that do not say it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Dates {
+    /// `31/05/2024`.
+    DayFirst,
+    /// `05/31/2024`.
+    MonthFirst,
 }
 
-fn zone_s(text: &str) -> Option<f64> {
-    if text == "Z" {
-        return Some(0.0);
+/// Time stamps of a column.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Stamps {
+    /// Since 1970, or since midnight; `None` of an empty cell.
+    pub(crate) ns: Vec<Option<i64>>,
+    /// Whether they have a date that is known.
+    pub(crate) is_since_1970: bool,
+    /// What was assumed.
+    pub(crate) note: Option<String>,
+}
+
+/// Whether a text is a time stamp in some order of day and month.
+pub(crate) fn is_stamp(text: &str) -> bool {
+    [Dates::DayFirst, Dates::MonthFirst].into_iter().any(|dates| parse(text, dates).is_some())
+}
+
+/// The time stamps of a column; `None` where a cell with a value is none, `Some(Err)` where they can be read in two ways.
+pub(crate) fn column<'a>(
+    cells: impl Iterator<Item = Option<&'a str>> + Clone,
+    given: Option<Dates>,
+) -> Option<Result<Stamps, String>> {
+    let read = |dates: Dates| -> Option<Vec<Option<Stamp>>> {
+        cells.clone().map(|cell| cell.map_or(Some(None), |cell| parse(cell, dates).map(Some))).collect()
+    };
+    let (first_day, first_month) = (read(Dates::DayFirst), read(Dates::MonthFirst));
+    let (stamps, is_known, note) = match (given, first_day, first_month) {
+        (Some(Dates::DayFirst), found, _) | (Some(Dates::MonthFirst), _, found) => (found?, true, None),
+        (None, Some(one), Some(other)) if one == other => (one, true, None),
+        (None, Some(one), None) => (one, true, Some("its dates are read as day, month, year".to_owned())),
+        (None, None, Some(one)) => (one, true, Some("its dates are read as month, day, year".to_owned())),
+        (None, Some(one), Some(other)) => {
+            let since_first = |stamps: &[Option<Stamp>]| -> Vec<Option<i64>> {
+                let first = stamps.iter().flatten().next().map_or(0, |stamp| stamp.ns);
+                stamps.iter().map(|stamp| stamp.map(|stamp| stamp.ns - first)).collect()
+            };
+            if since_first(&one) != since_first(&other) {
+                return Some(Err(
+                    "its dates may begin with the day or with the month: say it with --dates day-first or \
+                                 --dates month-first"
+                        .to_owned(),
+                ));
+            }
+            (one, false, Some("its date may begin with the day or with the month; only the time is used".to_owned()))
+        }
+        (None, None, None) => return None,
+    };
+    if stamps.iter().all(Option::is_none) {
+        return None;
     }
-    let sign = if text.starts_with('-') { -1.0 } else { 1.0 };
+    let has_date = stamps.iter().flatten().all(|stamp| stamp.has_date);
+    let (mut days_ns, mut before) = (0, None);
+    let ns = stamps.iter().map(|stamp| {
+        let Stamp { ns, has_date } = (*stamp)?;
+        // A time of day that falls by more than half a day is of the next one.
+        if !has_date && before.is_some_and(|before| before - ns > DAY_NS / 2) {
+            days_ns += DAY_NS;
+        }
+        before = Some(ns);
+        Some(if has_date { ns } else { ns + days_ns })
+    });
+    let ns = ns.collect();
+    Some(Ok(Stamps { ns, is_since_1970: has_date && is_known, note }))
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Stamp {
+    ns: i64,
+    has_date: bool,
+}
+
+fn parse(text: &str, dates: Dates) -> Option<Stamp> {
+    let text = text.trim();
+    let (text, half) = match text.get(text.len().checked_sub(2)?..)?.to_ascii_uppercase().as_str() {
+        "AM" => (text[..text.len() - 2].trim_end(), Some(0)),
+        "PM" => (text[..text.len() - 2].trim_end(), Some(12)),
+        _ => (text, None),
+    };
+    let (date, clock) = match text.split_once([' ', 'T']) {
+        Some((date, clock)) => (Some(date), clock.trim_start()),
+        None => (None, text),
+    };
+    let (clock, ahead_s) = match clock.find(['+', '-', 'Z']) {
+        Some(at) => (&clock[..at], zone_s(&clock[at..])?),
+        None => (clock, 0),
+    };
+    let of_day = clock_ns(clock, date.is_some(), half)? - ahead_s * NS;
+    match date {
+        None => Some(Stamp { ns: of_day, has_date: false }),
+        Some(date) => {
+            let ns = days(date_of(date, dates)?).checked_mul(DAY_NS)?.checked_add(of_day)?;
+            Some(Stamp { ns, has_date: true })
+        }
+    }
+}
+
+/// Year, month and day.
+fn date_of(text: &str, dates: Dates) -> Option<[i64; 3]> {
+    let mark = text.chars().find(|c| matches!(c, '-' | '/' | '.'))?;
+    let mut parts = text.split(mark);
+    let (a, b, c) = (parts.next()?, parts.next()?, parts.next()?);
+    let number = |part: &str| part.bytes().all(|byte| byte.is_ascii_digit()).then(|| part.parse::<i64>().ok())?;
+    let [first, second, third] = [number(a)?, number(b)?, number(c)?];
+    let date = match (a.len(), c.len(), mark) {
+        (4, ..) if mark != '.' => [first, second, third],
+        (_, 4, '.') => [third, second, first],
+        (_, 4, _) if dates == Dates::DayFirst => [third, second, first],
+        (_, 4, _) => [third, first, second],
+        _ => return None,
+    };
+    let [year, month, day] = date;
+    let is_date = parts.next().is_none() && (1900..2200).contains(&year) && (1..=12).contains(&month);
+    (is_date && (1..=31).contains(&day)).then_some(date)
+}
+
+/// Time of day, ns. Without a date it needs seconds, and colons: `12.5` is a number.
+fn clock_ns(text: &str, has_date: bool, half: Option<i64>) -> Option<i64> {
+    let mark = if text.contains(':') { ':' } else { '.' };
+    if mark == '.' && !has_date {
+        return None;
+    }
+    let mut parts = text.splitn(3, mark);
+    let whole = |part: &str| -> Option<i64> {
+        ((1..=2).contains(&part.len()) && part.bytes().all(|byte| byte.is_ascii_digit())).then(|| part.parse().ok())?
+    };
+    let (hours, minutes) = (whole(parts.next()?)?, whole(parts.next()?)?);
+    let seconds = parts.next();
+    if seconds.is_none() && !has_date {
+        return None;
+    }
+    let (seconds, fraction) = seconds.unwrap_or("0").split_once(['.', ',']).unwrap_or((seconds.unwrap_or("0"), ""));
+    let seconds = whole(seconds)?;
+    let digits: String = fraction.chars().chain("000000000".chars()).take(9).collect();
+    let fraction: i64 =
+        if fraction.bytes().all(|byte| byte.is_ascii_digit()) { digits.parse().ok()? } else { return None };
+    let hours = match half {
+        Some(half) if (1..=12).contains(&hours) => hours % 12 + half,
+        Some(_) => return None,
+        None => hours,
+    };
+    let is_clock = hours < 24 && minutes < 60 && seconds < 61;
+    is_clock.then_some(((hours * 60 + minutes) * 60 + seconds) * NS + fraction)
+}
+
+fn zone_s(text: &str) -> Option<i64> {
+    if text == "Z" {
+        return Some(0);
+    }
+    let sign = if text.starts_with('-') { -1 } else { 1 };
     let digits: String = text[1..].chars().filter(|c| *c != ':').collect();
     let (hours, minutes) = digits.split_at_checked(2)?;
     let minutes = if minutes.is_empty() { 0 } else { minutes.parse::<u16>().ok()? };
-    Some(sign * (f64::from(hours.parse::<u16>().ok()?) * 3600.0 + f64::from(minutes) * 60.0))
+    Some(sign * (i64::from(hours.parse::<u16>().ok()?) * 3600 + i64::from(minutes) * 60))
 }
 
 /// Days since 1970 in the Gregorian calendar, years beginning in March.
-fn days(year: i64, month: i64, day: i64) -> i64 {
+fn days([year, month, day]: [i64; 3]) -> i64 {
     let (year, month) = if month < 3 { (year - 1, month + 9) } else { (year, month - 3) };
     365 * year + year / 4 - year / 100 + year / 400 + (153 * month + 2) / 5 + day - 1 - 719_468
 }
 
 #[cfg(test)]
 mod tests {
-    use super::parse;
+    use super::*;
+
+    fn ns(text: &str, dates: Dates) -> Option<i64> {
+        parse(text, dates).map(|stamp| stamp.ns)
+    }
 
     #[test]
-    fn calendar_time_is_seconds_since_1970() {
-        assert_eq!(parse("1970-01-01 00:00:00"), Some(0.0));
-        assert_eq!(parse("2024-02-29T12:00:00.5Z"), Some(1_709_208_000.5));
-        assert_eq!(parse("2024/02/29 14:00:00.5+02:00"), Some(1_709_208_000.5));
-        for wrong in
-            ["", "2024-13-01 00:00:00", "12.5", "2024-01-01", "2024-01-01 25:00:00", "abcdefghij klm", "ääääääääää"]
-        {
-            assert_eq!(parse(wrong), None, "{wrong}");
+    fn calendar_time_is_nanoseconds_since_1970() {
+        let noon = 1_709_208_000_500_000_000;
+        for text in [
+            "2024-02-29T12:00:00.5Z",
+            "2024/02/29 14:00:00.5+02:00",
+            "29.02.2024 12:00:00,5",
+            "2024-02-29 12.00.00.5 PM",
+            "29/2/2024 12:00:00.5",
+            "29-02-2024 12:00:00.500 pm",
+        ] {
+            assert_eq!(ns(text, Dates::DayFirst), Some(noon), "{text}");
         }
+        assert_eq!(ns("2/29/2024 12:00:00.5 PM", Dates::MonthFirst), Some(noon));
+        assert_eq!(ns("1970-01-01 00:00:00", Dates::DayFirst), Some(0));
+        assert_eq!(ns("1970-01-01 12:00:01 AM", Dates::DayFirst), Some(NS));
+        for wrong in [
+            "",
+            "2024-13-01 00:00:00",
+            "12.5",
+            "2024-01-01",
+            "2024-01-01 25:00:00",
+            "abcdefghij klm",
+            "ääääääääää",
+            "12:30",
+            "13:00:00 PM",
+            "1.2.3",
+            "0:1:2:3",
+            "PM",
+            "é",
+            "2024-01-01 1:2:3.x",
+        ] {
+            assert!(!is_stamp(wrong), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn day_and_month_are_told_apart_by_the_column_or_asked() {
+        let read = |cells: &[&str]| column(cells.iter().map(|cell| Some(*cell)), None);
+        let known = read(&["1/5/2024 10:00:00", "1/13/2024 10:00:00"]).unwrap().unwrap();
+        assert_eq!((known.ns[1].unwrap() - known.ns[0].unwrap(), known.is_since_1970), (8 * DAY_NS, true));
+        let of_one_day = read(&["1/5/2024 10:00:00", "1/5/2024 10:00:01"]).unwrap().unwrap();
+        assert_eq!((of_one_day.ns[1].unwrap() - of_one_day.ns[0].unwrap(), of_one_day.is_since_1970), (NS, false));
+        let asked = read(&["1/5/2024 10:00:00", "1/6/2024 10:00:00"]).unwrap().unwrap_err();
+        assert!(asked.ends_with("--dates month-first"), "{asked}");
+        assert_eq!(read(&["1/5/2024 10:00:00", "on"]), None);
+    }
+
+    #[test]
+    fn a_time_of_day_goes_on_after_midnight() {
+        let cells = [Some("23:59:59.5"), None, Some("00:00:00.25")];
+        let Stamps { ns, is_since_1970, .. } = column(cells.into_iter(), None).unwrap().unwrap();
+        assert_eq!((ns[2].unwrap() - ns[0].unwrap(), ns[1], is_since_1970), (750_000_000, None, false));
     }
 }

@@ -89,9 +89,11 @@ impl Unit {
             "°_s2" => "deg_s2",
             "rads" => "rad",
             "sec" | "secs" | "second" | "seconds" => "s",
-            "msec" | "milliseconds" => "ms",
-            "usec" | "microseconds" => "us",
-            "nsec" | "nanoseconds" => "ns",
+            "millimeters" | "millimetres" | "millimeter" => "mm",
+            "centimeters" | "centimetres" => "cm",
+            "msec" | "msecs" | "millisec" | "milliseconds" => "ms",
+            "usec" | "usecs" | "microsec" | "microseconds" => "us",
+            "nsec" | "nsecs" | "nanosec" | "nanosecs" | "nanoseconds" => "ns",
             "meter" | "meters" | "metre" | "metres" => "m",
             "newton" => "n",
             "amp" | "amps" | "ampere" => "a",
@@ -143,10 +145,13 @@ impl Unit {
 pub fn split(name: &str) -> (&str, Option<Unit>) {
     let name = name.trim();
     for (open, close) in [('[', ']'), ('(', ')'), ('<', '>')] {
-        if let Some((base, unit)) = name.strip_suffix(close).and_then(|rest| rest.rsplit_once(open))
-            && let Some(unit) = Unit::named(unit)
-        {
-            return (base.trim_end(), Some(unit));
+        if let Some((base, unit)) = name.strip_suffix(close).and_then(|rest| rest.rsplit_once(open)) {
+            if matches!(unit.trim(), "" | "-" | "1") && !base.is_empty() {
+                return (base.trim_end(), None);
+            }
+            if let Some(unit) = Unit::named(unit) {
+                return (base.trim_end(), Some(unit));
+            }
         }
     }
     let separated = name.char_indices().filter(|(_, c)| matches!(c, '_' | '/' | ' '));
@@ -185,6 +190,8 @@ mod tests {
             [Some("N·m"), Some("rad_s"), Some("m/s"), None]
         );
         assert_eq!((split("gear"), split("m")), (("gear", None), ("m", None)));
+        // Empty brackets are no unit, and no part of the name.
+        assert_eq!([split("q_w []"), split("q_w [-]")], [("q_w", None); 2]);
         assert_eq!(Unit::of_target("q1_deg_s").unwrap().name, "deg_s");
         assert_eq!(Unit::of_target("word"), None);
     }

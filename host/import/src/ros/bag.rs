@@ -2,11 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::error::ImportError;
+use darm_diagnose::measurement::foreign::CONVERT_BAG;
 
-/// What to do about a bag in SQLite.
-const CONVERT: &str = "convert it: write `output_bags: [{uri: bag_mcap, storage_id: mcap, all: true}]` to convert.yaml, \
-                       then run `ros2 bag convert -i BAG -o convert.yaml` and import bag_mcap";
+use crate::error::ImportError;
 
 /// The MCAP files of a bag, in their order.
 pub(crate) fn files(folder: &Path) -> Result<Vec<PathBuf>, ImportError> {
@@ -21,7 +19,11 @@ pub(crate) fn files(folder: &Path) -> Result<Vec<PathBuf>, ImportError> {
     };
     let storage = value("storage_identifier");
     if storage == "sqlite3" {
-        return Err(ImportError::new(&path, "", format!("the bag is stored in SQLite, only MCAP is read: {CONVERT}")));
+        return Err(ImportError::new(
+            &path,
+            "",
+            format!("the bag is stored in SQLite, only MCAP is read: {CONVERT_BAG}"),
+        ));
     }
     if storage != "mcap" {
         return Err(ImportError::new(&path, "", format!("the storage `{storage}` is unknown, only mcap is read")));
@@ -48,9 +50,4 @@ pub(crate) fn files(folder: &Path) -> Result<Vec<PathBuf>, ImportError> {
 /// A scalar of YAML without quotes.
 fn plain(text: &str) -> &str {
     text.trim().trim_matches(['"', '\''])
-}
-
-/// Why a file of SQLite is not read.
-pub(crate) fn sqlite(path: &Path) -> ImportError {
-    ImportError::new(path, "", format!("a bag in SQLite is not read, only MCAP is: {CONVERT}"))
 }

@@ -17,6 +17,8 @@ use crate::recording::{Column, Part};
 
 /// Names of a quaternion, the scalar last.
 const QUATERNION: [&str; 4] = ["orientation.x", "orientation.y", "orientation.z", "orientation.w"];
+/// Most programs that send on one topic: more sets of fields are messages that differ.
+const MAX_PUBLISHERS: usize = 8;
 const ROTATION: [&str; 3] = ["rotation.x", "rotation.y", "rotation.z"];
 
 /// Messages of one topic, of one type.
@@ -30,6 +32,8 @@ struct Topic {
     rows: Vec<Vec<(usize, String, f64)>>,
     n_unread: usize,
     is_json: bool,
+    /// What of messages is not read, and of how many.
+    odd: BTreeMap<String, usize>,
 }
 
 /// The topics of logs that belong together, one after the other, and notes.
@@ -44,6 +48,10 @@ pub(crate) fn read(files: &[Vec<u8>], limits: &Limits) -> Result<(Vec<Part>, Vec
             );
             notes.push(text);
         }
+        if !log.damaged.is_empty() {
+            let (what, n) = (log.damaged.join(", "), log.messages.len());
+            notes.push(format!("the log is damaged and parts are left out: {what}; its {n} other messages are read"));
+        }
         add(&log, &mut topics, limits)?;
     }
     for (name, topic) in &mut topics {
@@ -55,7 +63,26 @@ pub(crate) fn read(files: &[Vec<u8>], limits: &Limits) -> Result<(Vec<Part>, Vec
         }
     }
     let start_ns = topics.values().filter_map(|topic| topic.stamps_ns.first().copied()).min().unwrap_or(0);
-    let parts: Vec<Part> = topics.into_iter().map(|(name, topic)| topic.part(name, start_ns)).collect();
+    for (name, topic) in &topics {
+        let odd = topic.odd.iter().map(|(what, n)| format!("{name}: {n} messages are read without their {what}"));
+        notes.extend(odd);
+    }
+    let mut parts: Vec<Part> = Vec::new();
+    for (name, topic) in topics {
+        let publishers = topic.publishers();
+        if publishers.len() > 1 {
+            let n = publishers.len();
+            notes.push(format!("{name}: {n} programs send other joints in turn; their messages are joined by time"));
+        }
+        for (k, topic) in publishers.into_iter().enumerate() {
+            let mut part = topic.part(name.clone(), start_ns);
+            // One column of time for all.
+            if k > 0 {
+                part.columns.retain(|column| !column.name.ends_with("/stamp"));
+            }
+            parts.push(part);
+        }
+    }
     if parts.is_empty() {
         return Err(Fault::of_file("the log has no message"));
     }
@@ -97,7 +124,8 @@ impl Topic {
     fn message(&mut self, channel: &Channel, data: &[u8], log_ns: i64) -> Result<(), String> {
         match channel.encoding.as_str() {
             "cdr" if message::is_known(&channel.schema) => {
-                let Message { stamp_ns, mut fields } = message::read(&channel.schema, data)?;
+                let Message { stamp_ns, mut fields, unread } = message::read(&channel.schema, data)?;
+                unread.into_iter().for_each(|unread| *self.odd.entry(unread).or_default() += 1);
                 self.same_side(&mut fields);
                 // A header that nobody stamped.
                 self.stamps_ns.push(if stamp_ns == 0 { log_ns } else { stamp_ns });
@@ -170,6 +198,43 @@ impl Topic {
         n_back
     }
 
+    /// The messages by who sent them, where several programs send different fields in turn on one topic: sets of fields that
+    /// have none in common. The one with the most messages comes first.
+    fn publishers(self) -> Vec<Self> {
+        let mut sets: Vec<(Vec<usize>, usize)> = Vec::new();
+        for row in &self.rows {
+            let mut own: Vec<usize> = row.iter().map(|(column, ..)| *column).collect();
+            own.sort_unstable();
+            match sets.iter().position(|(set, _)| *set == own) {
+                Some(known) => sets[known].1 += 1,
+                None if sets.len() >= MAX_PUBLISHERS => return vec![self],
+                None => sets.push((own, 1)),
+            }
+        }
+        let mut all: Vec<usize> = sets.iter().flat_map(|(set, _)| set.iter().copied()).collect();
+        all.sort_unstable();
+        let have_common = all.windows(2).any(|pair| pair[0] == pair[1]);
+        if sets.len() < 2 || have_common || sets.iter().any(|(set, n)| *n < 2 || set.is_empty()) {
+            return vec![self];
+        }
+        sets.sort_by_key(|(_, n)| std::cmp::Reverse(*n));
+        let of_set = |(set, _): &(Vec<usize>, usize)| {
+            let mut own = Self { kind: self.kind.clone(), is_json: self.is_json, ..Self::default() };
+            own.names = set.iter().map(|column| self.names[*column].clone()).collect();
+            for (stamp, row) in self.stamps_ns.iter().zip(&self.rows) {
+                let place = |column: usize| set.iter().position(|own| *own == column);
+                let cells: Option<Vec<_>> =
+                    row.iter().map(|(k, text, x)| Some((place(*k)?, text.clone(), *x))).collect();
+                if let Some(cells) = cells.filter(|cells| !cells.is_empty()) {
+                    own.stamps_ns.push(*stamp);
+                    own.rows.push(cells);
+                }
+            }
+            own
+        };
+        sets.iter().map(of_set).collect()
+    }
+
     fn part(self, name: String, start_ns: i64) -> Part {
         let (n, is_json) = (self.rows.len(), self.is_json);
         let shape = vec![if self.n_unread > 0 { self.n_unread } else { n }];
@@ -194,7 +259,7 @@ impl Topic {
             columns.insert(0, stamp);
         }
         let kind = if is_json { "JSON".into() } else { self.kind };
-        Part { name, kind, shape, columns, stamps_ns: self.stamps_ns, lines: Vec::new() }
+        Part { name, kind, shape, columns, stamps_ns: self.stamps_ns, ..Part::default() }
     }
 }
 

@@ -8,6 +8,8 @@ pub(super) struct Message {
     /// Of the header, ns since 1970; 0 where nobody set it.
     pub(super) stamp_ns: i64,
     pub(super) fields: Vec<(String, f64)>,
+    /// What of it is not read, and why.
+    pub(super) unread: Option<String>,
 }
 
 /// Types that are a header and numbers.
@@ -55,27 +57,32 @@ pub(super) fn read(kind: &str, bytes: &[u8]) -> Result<Message, String> {
     let (seconds, nanoseconds) = cdr.i32().zip(cdr.u32()).ok_or_else(cut)?;
     let _frame = cdr.text().ok_or_else(cut)?;
     let stamp_ns = i64::from(seconds) * 1_000_000_000 + i64::from(nanoseconds);
-    let fields = match STAMPED.iter().find(|(known, _)| *known == kind) {
+    let (fields, unread) = match STAMPED.iter().find(|(known, _)| *known == kind) {
         Some((_, names)) => {
             let field = |name: &&str| Some(((*name).to_owned(), cdr.f64()?));
-            names.iter().map(field).collect::<Option<_>>().ok_or_else(cut)?
+            (names.iter().map(field).collect::<Option<_>>().ok_or_else(cut)?, None)
         }
-        None => joints(&mut cdr).ok_or_else(cut)??,
+        None => joints(&mut cdr).ok_or_else(cut)?,
     };
-    Ok(Message { stamp_ns, fields })
+    Ok(Message { stamp_ns, fields, unread })
 }
 
-/// Positions, velocities and efforts by the names of the joints; empty lists are not measured.
-fn joints(cdr: &mut Cdr) -> Option<Result<Vec<(String, f64)>, String>> {
-    let names = cdr.sequence(4, Cdr::text)?;
-    let mut fields = Vec::new();
+/// Positions, velocities and efforts by the names of the joints, or by their numbers where there are no names; empty lists are
+/// not measured, and of one of another length it is not known which joints it is of.
+fn joints(cdr: &mut Cdr) -> Option<(Vec<(String, f64)>, Option<String>)> {
+    let mut names = cdr.sequence(4, Cdr::text)?;
+    let (mut fields, mut unread) = (Vec::new(), None);
     for quantity in ["position", "velocity", "effort"] {
         let numbers = cdr.sequence(8, Cdr::f64)?;
+        if names.is_empty() {
+            names = (1..=numbers.len()).map(|number| number.to_string()).collect();
+        }
         if !numbers.is_empty() && numbers.len() != names.len() {
-            let text = format!("{} names of joints and {} numbers of {quantity}", names.len(), numbers.len());
-            return Some(Err(text));
+            unread =
+                Some(format!("{quantity}, of which there are {} numbers for {} joints", numbers.len(), names.len()));
+            continue;
         }
         fields.extend(names.iter().zip(numbers).map(|(name, number)| (format!("{quantity}.{name}"), number)));
     }
-    Some(Ok(fields))
+    Some((fields, unread))
 }
