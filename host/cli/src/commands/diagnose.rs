@@ -101,7 +101,8 @@ impl Diagnose {
         let new_model = self.output.as_deref().map(|path| NewModel { path, keep });
         let asked = self.how.ask(&self.data, ui)?;
         let task = Task { model, data: &self.data, new_model };
-        let (diagnosis, is_written) = self.how.diagnose(task, ui)?;
+        let found = self.how.diagnose(task, ui).map_err(|error| log::with_conversion(model, &self.data, error));
+        let (diagnosis, is_written) = found?;
         let output = self.output.clone().filter(|_| is_written);
         if self.output.is_some() && !is_written {
             ui.note(NOTHING_TO_WRITE);

@@ -11,6 +11,7 @@ use darm_import::mapping::{Entry, Mapping};
 use darm_import::read::Dialect;
 use darm_import::summary::{Summary, summary};
 use darm_import::table::Table;
+use darm_import::time_stamp::Dates;
 use darm_import::unit::Unit;
 use darm_import::{Recording, map_file, proposal};
 use serde::Serialize;
@@ -70,9 +71,31 @@ pub(crate) struct Import {
     /// The first row of a text file has no names
     #[arg(long)]
     no_header: bool,
+    /// Lines before the table of a text file; default: those that have not as many cells as most
+    #[arg(long, value_name = "N")]
+    skip_lines: Option<usize>,
+    /// What dates such as 1/5/2024 begin with; default: found where a number is above 12
+    #[arg(long, value_name = "ORDER")]
+    dates: Option<DateOrder>,
     /// Replace the output file
     #[arg(long)]
     force: bool,
+}
+
+/// What dates begin with.
+#[derive(clap::ValueEnum, Clone, Copy, Debug)]
+enum DateOrder {
+    DayFirst,
+    MonthFirst,
+}
+
+impl From<DateOrder> for Dates {
+    fn from(order: DateOrder) -> Self {
+        match order {
+            DateOrder::DayFirst => Self::DayFirst,
+            DateOrder::MonthFirst => Self::MonthFirst,
+        }
+    }
 }
 
 fn delimiter(text: &str) -> Result<char, String> {
@@ -99,7 +122,12 @@ struct Report {
 
 impl Import {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
-        let dialect = Dialect { delimiter: self.delimiter, has_header: self.no_header.then_some(false) };
+        let dialect = Dialect {
+            delimiter: self.delimiter,
+            has_header: self.no_header.then_some(false),
+            skip_lines: self.skip_lines,
+            dates: self.dates.map(Dates::from),
+        };
         let mut recordings = Vec::new();
         for file in &self.files {
             recordings.push(darm_import::read(file, dialect)?);

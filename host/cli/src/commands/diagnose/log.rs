@@ -3,8 +3,10 @@
 use std::path::Path;
 
 use darm_diagnose::error::DiagnoseError;
+use darm_diagnose::files::FilesError;
 use darm_diagnose::measurement::ReadError;
 use darm_diagnose::overview::{ColumnOverview, Overview, Possible, SamplingOverview};
+use darm_import::proposal;
 use darm_import::read::Dialect;
 use serde::Serialize;
 
@@ -36,14 +38,10 @@ pub(super) fn print(data: &Path, how: &How, ui: Ui) -> anyhow::Result<()> {
     }
     let overview = match how.overview(data)? {
         Ok(overview) => overview,
-        Err(error) if is_foreign(&error) && darm_import::read(data, Dialect::default()).is_ok() => {
-            let converted = quoted(&data.with_extension("table.csv").display().to_string());
-            return Err(anyhow::anyhow!(
-                "{file} is a recording that only `darm import` reads; run `darm import {file} -o {converted}`, then \
-                 `darm diagnose {converted}`"
-            ));
+        Err(error) => {
+            let converts = is_foreign(&error).then(|| conversion(data, None)).flatten();
+            return Err(converts.map_or_else(|| in_table(data, error.line(), error), |line| anyhow::anyhow!("{line}")));
         }
-        Err(error) => return Err(in_table(data, error.line(), error)),
     };
     let options: String = options_without(&[data], &[]).iter().map(|word| format!(" {}", quoted(word))).collect();
     let command = |one: &Possible| format!("darm diagnose {} {file}{options}", one.model_file);
@@ -51,9 +49,46 @@ pub(super) fn print(data: &Path, how: &How, ui: Ui) -> anyhow::Result<()> {
     ui.print(&Report { file, overview, commands })
 }
 
+/// An error of a log, with the line that converts the log where it is one of another program.
+pub(super) fn with_conversion(model: &Path, data: &Path, error: anyhow::Error) -> anyhow::Error {
+    let is_of_log = match error.downcast_ref::<FilesError>() {
+        Some(FilesError::Read(error)) => is_read_by_import(error),
+        Some(FilesError::Diagnose { source: DiagnoseError::Read(error), .. }) => is_read_by_import(error),
+        Some(FilesError::Diagnose { source, .. }) => matches!(source, DiagnoseError::Prepare(_)),
+        _ => false,
+    };
+    match is_of_log.then(|| conversion(data, Some(model))).flatten() {
+        Some(line) => anyhow::anyhow!("{error:#}\n{line}"),
+        None => error,
+    }
+}
+
+/// The line that converts a recording of another program, and what comes after it; `None` of a log that reads as it is.
+fn conversion(data: &Path, model: Option<&Path>) -> Option<String> {
+    let recording = darm_import::read(data, Dialect::default()).ok()?;
+    let mapping = proposal::propose(&recording, &[]);
+    let is_as_ours = recording.notes.is_empty()
+        && recording.parts.iter().all(|part| part.kind == "table, separated by commas")
+        && mapping.entries.iter().all(|entry| entry.target == entry.source);
+    let shown = |path: &Path| quoted(&path.display().to_string());
+    let (file, converted) = (shown(data), shown(&data.with_extension("table.csv")));
+    let model = model.map_or_else(String::new, |model| format!("{} ", shown(model)));
+    (!is_as_ours).then(|| {
+        format!(
+            "{file} is a recording that only `darm import` reads; run `darm import {file} -o {converted}`, then `darm diagnose \
+             {model}{converted}`"
+        )
+    })
+}
+
 /// Whether a file may be one of another program.
 fn is_foreign(error: &DiagnoseError) -> bool {
-    matches!(error, DiagnoseError::Read(ReadError::Io { .. } | ReadError::Csv(_) | ReadError::Log { .. }))
+    matches!(error, DiagnoseError::Read(error) if is_read_by_import(error))
+}
+
+fn is_read_by_import(error: &ReadError) -> bool {
+    let is_table = matches!(error, ReadError::Io { .. } | ReadError::Csv(_) | ReadError::Log { .. });
+    is_table || matches!(error, ReadError::NoQuantity { .. } | ReadError::Foreign { .. })
 }
 
 impl Answer for Report {
