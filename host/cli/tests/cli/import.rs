@@ -157,6 +157,6 @@ fn a_joint_that_a_log_does_not_have_is_locked_in_the_model_too() {
     home.fails(
         &format!("diagnose {} log.csv --lock a=0", example("planar4.toml")),
         2,
-        "darm: --lock needs a robot, not an arm file",
+        "darm: --lock and --root need a robot, not an arm file",
     );
 }
