@@ -1,6 +1,7 @@
 // What every page has: the state of the link, the stop, and control.
 
 import { get, post, Refusal } from './server.js';
+import { keepStopLine, stopByLine } from './stop-line.js';
 import { byId, seconds, setText } from './format.js';
 
 const KEY = 'darm-control-key';
@@ -31,7 +32,9 @@ async function stop() {
   note.dataset.outcome = 'sent';
   setText(note, 'Stopping …');
   try {
-    const { confirmed, servos_uncontrolled, took_s } = await post('/api/stop', {}, { timeoutMs: 3000 });
+    const answer = await stopByLine() ?? await post('/api/stop', {}, { timeoutMs: 3000 });
+    if (answer.refused) throw new Refusal(answer.refused);
+    const { confirmed, servos_uncontrolled, took_s } = answer;
     note.dataset.outcome = confirmed ? 'confirmed' : 'missing';
     confirmedAt = performance.now();
     setText(note, confirmed
@@ -106,6 +109,7 @@ function setKey(key) {
   control.key = key;
   if (key) sessionStorage.setItem(KEY, key);
   else sessionStorage.removeItem(KEY);
+  keepStopLine(key);
 }
 
 // Resumes the control of the page before, if this tab had it.
@@ -173,6 +177,8 @@ byId('take').addEventListener('click', takeOrRelease);
 setInterval(renew, RENEW_MS);
 window.addEventListener('pagehide', () => {
   if (hasControl()) post('/api/control', { do: 'leave' }, { key: control.key, keepalive: true }).catch(() => {});
+  // A page with an open one is not kept for "back".
+  keepStopLine(null);
 });
 // A page that the browser has kept for "back" is left and comes back.
 window.addEventListener('pageshow', (event) => { if (event.persisted) resume(); });

@@ -41,7 +41,7 @@ async function request(path, options, timeoutMs, given) {
   throw new Refusal(body?.refused ?? { kind: 'server', text: `darm serve answered with status ${answer.status}` });
 }
 
-// The key keeps the connection of a page with control open: its stop needs no new one.
+// The key keeps the connections of a page with control open: what renews its control needs no new one.
 export function get(path, timeoutMs = 2000, key = null) {
   return request(path, { method: 'GET', headers: key ? { 'x-darm-control': key } : {} }, timeoutMs);
 }

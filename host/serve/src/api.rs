@@ -8,6 +8,7 @@
 //! | `GET /api/program`  | no            | the opened table                                                        |
 //! | `GET /api/program/table`, `/visits` | no | the file of the opened table, and its visit file             |
 //! | `POST /api/stop`    | no            | switches all outputs off, past everything else                          |
+//! | `GET /stop-line`    | yes           | a WebSocket: each message is a stop, see `stop_line.rs`                |
 //! | `POST /api/control` | no            | takes, renews or releases control, leaves a page with it, resumes it on the next |
 //! | `POST /api/open`    | no            | opens a table file: its bytes; nothing is sent to the board             |
 //! | `POST /api/upload`  | yes           | brings the opened table to the board                                    |
@@ -158,15 +159,27 @@ pub(crate) struct Stopped {
 /// By a thread that does nothing else: it waits for nothing that the server does.
 pub(crate) async fn stop(State(hub): Shared) -> Answer<Stopped> {
     let began = Instant::now();
-    let stopped = hub.request_stop().await;
-    let not_sent =
-        |error: &dyn std::fmt::Display| Refused::new(Kind::Link, format!("the stop could not be sent: {error}"));
-    let confirmation = stopped.map_err(|error| not_sent(&error))?;
-    Ok(Json(Stopped {
+    stopped(began, hub.request_stop().await).map(Json)
+}
+
+/// The answer to a stop that was sent, or why it could not be.
+pub(crate) fn stopped(began: Instant, outcome: Result<Confirmation, String>) -> Result<Stopped, Refused> {
+    let not_sent = |error| Refused::new(Kind::Link, format!("the stop could not be sent: {error}"));
+    let confirmation = outcome.map_err(not_sent)?;
+    Ok(Stopped {
         confirmed: confirmation != Confirmation::Missing,
         servos_uncontrolled: confirmation == Confirmation::OutputsAlone,
         took_s: began.elapsed().as_secs_f64(),
-    }))
+    })
+}
+
+/// The same as text, where there is no status to tell one from the other.
+pub(crate) fn stop_json(answer: &Result<Stopped, Refused>) -> String {
+    match answer {
+        Ok(stopped) => json!(stopped),
+        Err(refused) => json!({ "refused": refused }),
+    }
+    .to_string()
 }
 
 #[derive(Deserialize)]

@@ -26,11 +26,12 @@ macro_rules! asset {
 }
 
 /// All of them.
-pub const ASSETS: [Asset; 22] = [
+pub const ASSETS: [Asset; 23] = [
     asset!("/style.css", "text/css; charset=utf-8", "../pages/style.css"),
     asset!("/icon.svg", "image/svg+xml", "../pages/icon.svg"),
     asset!("/server.js", SCRIPT, "../pages/server.js"),
     asset!("/frame.js", SCRIPT, "../pages/frame.js"),
+    asset!("/stop-line.js", SCRIPT, "../pages/stop-line.js"),
     asset!("/format.js", SCRIPT, "../pages/format.js"),
     asset!("/live.js", SCRIPT, "../pages/live.js"),
     asset!("/measured.js", SCRIPT, "../pages/measured.js"),

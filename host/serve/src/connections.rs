@@ -4,11 +4,13 @@
 //! person's stop out. A new connection therefore always gets a place: where all are taken, the one that has waited longest for
 //! a request is closed, and where all have one, that with the oldest request.
 //!
-//! Two are never closed for a place: one that carried a request of the page with control a moment ago, so that the stop of that page
-//! finds a connection open, and one whose stop is not answered yet.
+//! Two are never closed for a place: one that carried a request of the page with control a moment ago, so that what renews its
+//! control finds a connection open, and one whose stop is not answered yet. Its connection for stops has no place here: it leaves
+//! once it is opened, see `stop_line.rs`.
 
 use std::future::Future;
 use std::io;
+use std::pin::pin;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -18,18 +20,17 @@ use hyper::body::Incoming;
 use hyper::server::conn::http1;
 use hyper::service::Service;
 use hyper_util::rt::{TokioIo, TokioTimer};
-use hyper_util::server::graceful::GracefulShutdown;
 use hyper_util::service::TowerToHyperService;
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::oneshot;
-use tokio::task::AbortHandle;
+use tokio::sync::{oneshot, watch};
+use tokio::task::JoinHandle;
 
 /// Most connections at once: a browser opens six.
 pub const MAX_CONNECTIONS: usize = 256;
 /// Connections of the page with control that are kept, the latest: a browser opens six, and nobody takes all places.
 const MAX_KEPT: usize = 8;
 /// How long after a request of the page with control: it renews once a second.
-const KEPT: Duration = Duration::from_secs(3);
+pub const KEPT: Duration = Duration::from_secs(3);
 /// A connection is closed when the headers of its next request, or the next part of a body, take longer.
 pub const PATIENCE: Duration = Duration::from_secs(10);
 /// What still runs when the server ends is given this time.
@@ -56,7 +57,7 @@ pub(crate) async fn serve(
         router: TowerToHyperService::new(router),
         has_control,
         connections: Vec::new(),
-        end: GracefulShutdown::new(),
+        has_ended: watch::Sender::new(false),
     };
     loop {
         tokio::select! {
@@ -68,8 +69,14 @@ pub(crate) async fn serve(
         }
     }
     drop(listener);
+    open.has_ended.send_replace(true);
+    let all = async {
+        for connection in open.connections {
+            let _ = connection.task.await;
+        }
+    };
     // A client that has sent half a request does not hold up the end.
-    let _ = tokio::time::timeout(ENDING, open.end.shutdown()).await;
+    let _ = tokio::time::timeout(ENDING, all).await;
     Ok(())
 }
 
@@ -78,11 +85,11 @@ struct Open {
     router: TowerToHyperService<Router>,
     has_control: HasControl,
     connections: Vec<Connection>,
-    end: GracefulShutdown,
+    has_ended: watch::Sender<bool>,
 }
 
 struct Connection {
-    task: AbortHandle,
+    task: JoinHandle<()>,
     activity: Activity,
 }
 
@@ -120,10 +127,20 @@ impl Open {
             .timer(TokioTimer::new())
             .header_read_timeout(PATIENCE)
             .max_buf_size(BUFFER)
-            .serve_connection(TokioIo::new(stream), service);
-        let connection = self.end.watch(connection);
+            .serve_connection(TokioIo::new(stream), service)
+            .with_upgrades();
+        let mut ended = self.has_ended.subscribe();
         // Whatever ends a connection, its client hears of it.
-        let task = tokio::spawn(async { drop(connection.await) }).abort_handle();
+        let task = tokio::spawn(async move {
+            let mut connection = pin!(connection);
+            tokio::select! {
+                _ = connection.as_mut() => return,
+                _ = ended.wait_for(|has_ended| *has_ended) => {}
+            }
+            // The request that runs is answered.
+            connection.as_mut().graceful_shutdown();
+            let _ = connection.await;
+        });
         self.connections.push(Connection { task, activity });
     }
 

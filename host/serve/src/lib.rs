@@ -7,9 +7,9 @@
 //! ```
 //!
 //! The watcher asks the board 20 times a second and puts what it learns into the [`hub`]; pages fetch it from there and
-//! wait at the server until there is something newer. They do not hold a connection open: a browser opens six to one
-//! server, and a stop must never wait for one that is free. A stop goes to the port itself, past watcher and orders, and
-//! nothing that was ordered before it is sent after it.
+//! wait at the server until there is something newer. They do not hold one of these connections open: a browser opens six to one
+//! server, and a stop must never wait for one that is free. The page with control has a connection for stops alone. A stop goes
+//! to the port itself, past watcher and orders, and nothing that was ordered before it is sent after it.
 //!
 //! The host is not in the real-time path: programs run on the board, which enforces every limit.
 
@@ -32,6 +32,7 @@ mod reach;
 pub mod refusal;
 mod served_arm;
 pub mod server;
+mod stop_line;
 mod turn;
 mod unix_time;
 pub mod upload;

@@ -3,7 +3,7 @@
 use std::io;
 use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
-use std::sync::mpsc::channel;
+use std::sync::mpsc::{Sender, channel};
 use std::thread::{self, JoinHandle};
 
 use axum::Router;
@@ -25,8 +25,9 @@ use crate::measured::PoseSource;
 use crate::pose_reader;
 use crate::refusal::Refused;
 pub use crate::served_arm::ServedArm;
+use crate::stop_line::Opened;
 use crate::watcher::Watcher;
-use crate::{api, diagnosis, pages, reach, unix_time};
+use crate::{api, diagnosis, pages, reach, stop_line, unix_time};
 
 /// Connections that wait to be accepted. Where there is no room for another one, its client tries again a second later.
 const BACKLOG: u32 = 4096;
@@ -117,8 +118,9 @@ impl Server {
         let watcher = Watcher::new(Arc::clone(&hub), open, ordered);
         let (end, ended) = oneshot::channel();
         let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;
-        let router = router(Arc::clone(&hub), access);
-        let (of_control, stops) = (Arc::clone(&hub), Arc::clone(&hub));
+        let (line, opened) = channel();
+        let router = router(Arc::clone(&hub), access, line);
+        let (of_control, stops, line) = (Arc::clone(&hub), Arc::clone(&hub), Arc::clone(&hub));
         let has_control = Arc::new(move |headers: &_| api::has_control(&of_control, headers));
         let http = move || {
             let served = runtime.block_on(connections::serve(listener, router, has_control, ended));
@@ -131,6 +133,7 @@ impl Server {
             thread::Builder::new().name("watcher".into()).spawn(move || watcher.run())?,
             thread::Builder::new().name("http".into()).spawn(http)?,
             thread::Builder::new().name("stop".into()).spawn(move || stops.answer_stops())?,
+            thread::Builder::new().name("stop-line".into()).spawn(move || stop_line::answer(&line, &opened))?,
         ];
         if let Some(source) = poses {
             threads.push(follow_poses(&hub, source)?);
@@ -143,7 +146,7 @@ impl Server {
         self.address
     }
 
-    /// Whether both threads still run.
+    /// Whether all threads still run.
     pub fn is_running(&self) -> bool {
         self.threads.iter().all(|thread| !thread.is_finished())
     }
@@ -188,7 +191,7 @@ fn add_arm(history: &History, served: &ServedArm) -> Result<(), HistoryError> {
     history.add_model(&model, unix_time::now_ms())
 }
 
-fn router(hub: Arc<Hub>, access: Access) -> Router {
+fn router(hub: Arc<Hub>, access: Access, line: Sender<Opened>) -> Router {
     let history = hub.history().cloned();
     let pages = pages::ALL
         .into_iter()
@@ -210,7 +213,8 @@ fn router(hub: Arc<Hub>, access: Access) -> Router {
         .with_state(Arc::clone(&hub))
         .merge(diagnosis::router(Arc::clone(&hub)))
         .merge(history::router(history))
-        .merge(reach::router(hub))
+        .merge(reach::router(Arc::clone(&hub)))
+        .merge(stop_line::router(hub, line))
         .layer(DefaultBodyLimit::max(MAX_BODY))
         .layer(RequestBodyTimeoutLayer::new(PATIENCE))
         .layer(middleware::from_fn_with_state(Arc::new(access), guard))

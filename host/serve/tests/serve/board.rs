@@ -184,6 +184,10 @@ impl<'a> Page<'a> {
         Self { bench, number: granted["page"].as_u64().unwrap(), header: format!("x-darm-control: {key}") }
     }
 
+    pub(crate) fn key(&self) -> &str {
+        self.header.rsplit(' ').next().unwrap()
+    }
+
     pub(crate) fn control(&self, what: &str) -> Answer {
         self.bench.post("/api/control", &[&self.header], &json!({ "do": what }))
     }

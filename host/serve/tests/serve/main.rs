@@ -17,6 +17,7 @@ mod moves;
 mod page_load;
 mod reach;
 mod screenshots;
+mod stop_line;
 mod tab;
 mod table;
 mod webdriver;

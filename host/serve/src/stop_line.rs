@@ -1,0 +1,126 @@
+//! A connection for stops alone, which the page with control keeps open: a WebSocket, as a browser opens it apart from its
+//! connections for requests.
+//!
+//! ```text
+//!  page ── GET /stop-line?key=… ──► the server's thread: is it the page with control?
+//!    │                                     │ the connection leaves the server, which can close it no longer
+//!    └── any message, again and again ──► the thread of this connection ──► the board
+//! ```
+//!
+//! There is one: the latest takes the place of the one before. Each message is a stop, and its answer that of `POST /api/stop`. A
+//! browser sends no header of the page's own with it, so the key of the page with control is in the address; nobody has one
+//! who could not show the token. The thread reads this connection, sends stops, and does nothing else: no flood of
+//! connections and no work of the server keeps it waiting.
+
+use std::net::TcpStream;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, Sender};
+use std::time::{Duration, Instant};
+
+use axum::Router;
+use axum::body::Body;
+use axum::extract::{Query, Request, State};
+use axum::http::StatusCode;
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use hyper_util::rt::TokioIo;
+use serde::Deserialize;
+use tungstenite::handshake::server::create_response_with_body;
+use tungstenite::protocol::{Role, WebSocketConfig};
+use tungstenite::{Message, WebSocket};
+
+use crate::api;
+use crate::control::ControlError;
+use crate::hub::Hub;
+use crate::refusal::Refused;
+
+/// The path; not below `/api/`, where the token would have to be in a header.
+const PATH: &str = "/stop-line";
+/// The thread looks this often whether a later connection is there, or the server ends.
+const LOOK: Duration = Duration::from_millis(50);
+/// A client that takes no answer for this long is gone.
+const PATIENCE: Duration = Duration::from_secs(1);
+/// Longest message, bytes: what it says does not matter.
+const MAX_MESSAGE: usize = 1 << 10;
+
+/// A connection that has left the server.
+pub(crate) struct Opened {
+    stream: TcpStream,
+    /// Its bytes that were read already.
+    read: Vec<u8>,
+}
+
+#[derive(Clone)]
+struct Door {
+    hub: Arc<Hub>,
+    opened: Sender<Opened>,
+}
+
+#[derive(Deserialize)]
+struct Shown {
+    key: String,
+}
+
+/// Lets the page with control open its connection, which goes to `opened`.
+pub(crate) fn router(hub: Arc<Hub>, opened: Sender<Opened>) -> Router {
+    Router::new().route(PATH, get(open)).with_state(Door { hub, opened })
+}
+
+async fn open(State(door): State<Door>, Query(shown): Query<Shown>, mut request: Request) -> Response {
+    let has_control = u64::from_str_radix(&shown.key, 16).is_ok_and(|key| door.hub.controls(key));
+    if !has_control {
+        return Refused::from(ControlError::Missing).into_response();
+    }
+    let Ok(answer) = create_response_with_body(&request, Body::empty) else {
+        return StatusCode::BAD_REQUEST.into_response();
+    };
+    let upgrade = hyper::upgrade::on(&mut request);
+    tokio::spawn(async move {
+        // Where the client has left meanwhile there is no connection to hand over.
+        let Ok(upgraded) = upgrade.await else { return };
+        let Ok(parts) = upgraded.downcast::<TokioIo<tokio::net::TcpStream>>() else { return };
+        let Ok(stream) = parts.io.into_inner().into_std() else { return };
+        // The thread ends with the server.
+        let _ = door.opened.send(Opened { stream, read: parts.read_buf.into() });
+    });
+    answer
+}
+
+/// Answers the stops of the latest connection until the server ends.
+pub(crate) fn answer(hub: &Hub, opened: &Receiver<Opened>) {
+    let mut line = None;
+    while !hub.has_ended() {
+        line = match (opened.try_iter().last(), line) {
+            (Some(newer), _) => newer.accept(),
+            (None, Some(line)) => answer_one(hub, line),
+            (None, None) => opened.recv_timeout(LOOK).ok().and_then(Opened::accept),
+        };
+    }
+}
+
+impl Opened {
+    fn accept(self) -> Option<WebSocket<TcpStream>> {
+        let Self { stream, read } = self;
+        stream.set_nonblocking(false).ok()?;
+        stream.set_read_timeout(Some(LOOK)).ok()?;
+        stream.set_write_timeout(Some(PATIENCE)).ok()?;
+        let config = WebSocketConfig::default().max_message_size(Some(MAX_MESSAGE)).max_frame_size(Some(MAX_MESSAGE));
+        Some(WebSocket::from_partially_read(stream, read, Role::Server, Some(config)))
+    }
+}
+
+/// Waits for a message for a while and answers it; the connection, unless it has ended.
+fn answer_one(hub: &Hub, mut line: WebSocket<TcpStream>) -> Option<WebSocket<TcpStream>> {
+    use std::io::ErrorKind::{TimedOut, WouldBlock};
+    match line.read() {
+        Ok(Message::Text(_) | Message::Binary(_)) => {
+            let began = Instant::now();
+            let answer = api::stopped(began, hub.stop().map_err(|error| error.to_string()));
+            line.send(Message::text(api::stop_json(&answer))).ok().map(|()| line)
+        }
+        // What keeps a connection open was answered.
+        Ok(_) => Some(line),
+        Err(tungstenite::Error::Io(error)) if matches!(error.kind(), TimedOut | WouldBlock) => Some(line),
+        Err(_) => None,
+    }
+}
