@@ -97,13 +97,18 @@ function showPhase({ phase, rows, table, has_other_model }) {
   if (has_other_model && table !== explained) explainModel(table);
 }
 
+function supplyText({ room, all, full_s }) {
+  return `can feed ${room} more outputs now${room < all ? `, ${all} in ${seconds(full_s)}` : ''}`;
+}
+
 function showFacts(board) {
   setFacts(byId('facts'), [
     ['board', `${board.name} ${board.device}`],
     ['firmware', `${board.firmware}, start ${board.boots}`],
     ['table', board.table ? `${short(board.table)}, ${board.rows} rows` : 'none'],
-    ['profile', board.profile ? short(board.profile) : 'built in'],
+    ['profile', board.profile ? short(board.profile) : board.is_profile_lost ? 'LOST: nothing is driven until it is written again' : 'built in'],
     ['word', board.word || 'none'],
+    ...(board.supply ? [['supply', supplyText(board.supply)]] : []),
   ]);
   const { quality } = board;
   setFacts(byId('quality'), [
@@ -181,7 +186,8 @@ function showOutputs({ outputs, actuators }) {
     meter.value = output.left_s;
     meter.low = 0.25 * output.allowed_s;
     meter.optimum = output.allowed_s;
-    setText(text, ` ${output.left_s.toFixed(1)} of ${output.allowed_s.toFixed(1)} s`);
+    const wait = output.wait_s > 0 ? ` in ${seconds(output.wait_s)}:` : '';
+    setText(text, `${wait} ${output.left_s.toFixed(1)} of ${output.allowed_s.toFixed(1)} s`);
     setText(seen, switchText(actuator));
     const isWrong = actuator?.switch && actuator.switch.expected !== actuator.switch.seen && !actuator.switch.is_moving;
     seen.classList.toggle('wrong', Boolean(isWrong));

@@ -74,8 +74,12 @@ pub struct BoardView {
     pub boots: u32,
     /// Digest of its table.
     pub table: Option<String>,
-    /// Digest of its profile; `None` while the built-in one is in force.
+    /// Digest of its profile; `None` while the built-in one is in force, or none.
     pub profile: Option<String>,
+    /// Whether no limits are in force, so that nothing is driven: its profile is lost, or cannot be used.
+    pub is_profile_lost: bool,
+    /// What the supply can feed; `None` where its limit is not known.
+    pub supply: Option<SupplyView>,
     /// Whether its table was made for another model than that of the picture.
     pub has_other_model: bool,
     /// Rows of its table.
@@ -154,12 +158,27 @@ pub struct OutputView {
     pub on_s: Option<f64>,
     /// How long it may still be on, in its pulse and in its window, s.
     pub left_s: f64,
+    /// Time until the supply can feed it, s: others went on just now.
+    pub wait_s: f64,
     /// How long it may be on at most, s.
     pub allowed_s: f64,
     /// After this time without current all of that is free, s.
     pub recovery_s: f64,
     /// Its limits in the profile.
     pub limit: Limit,
+}
+
+/// What the supply can feed, as far as the server has seen outputs switched on.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct SupplyView {
+    /// Outputs that may be switched on now.
+    pub room: u32,
+    /// Outputs that may be switched on within its window.
+    pub all: u32,
+    /// Time until one more may be switched on, s.
+    pub wait_s: f64,
+    /// Time until all of them may, s.
+    pub full_s: f64,
 }
 
 /// A servo joint.

@@ -1,6 +1,7 @@
 //! The only user of the client: asks the board again and again, and sends what pages order, one after the other.
 
 mod observer;
+mod supply;
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};

@@ -9,6 +9,7 @@ use darm_core::units::{Digest, Micros, Word};
 use darm_core::wire::message::{Hello, OutputState, Status};
 use darm_device::client::{Client, ClientError};
 
+use super::supply::Supply;
 use crate::history::Seen;
 use crate::hub::Hub;
 use crate::picture::{Picture, Posture};
@@ -40,6 +41,9 @@ pub(super) struct Observer {
     unrecorded: Vec<EventView>,
     outputs: Vec<OutputState>,
     outputs_due: Instant,
+    /// When the board said so of its outputs, s of the link's time.
+    outputs_s: f64,
+    supply: Supply,
     word: Word,
     previous: Word,
     /// Since when each coil is on, s of the link's time: bit of the wiring.
@@ -61,6 +65,8 @@ impl Observer {
             unrecorded: Vec::new(),
             outputs: Vec::new(),
             outputs_due: Instant::now(),
+            outputs_s: 0.0,
+            supply: Supply::default(),
             word: Word::default(),
             previous: Word::default(),
             on_since_s: Vec::new(),
@@ -77,6 +83,7 @@ impl Observer {
         let events = self.new_events(client)?;
         if Instant::now() >= self.outputs_due {
             self.outputs = client.outputs()?;
+            self.outputs_s = client.now_s();
             self.outputs_due = Instant::now() + OUTPUTS_PERIOD;
         }
         let hub = Arc::clone(&self.hub);
@@ -135,6 +142,7 @@ impl Observer {
     fn follow_word(&mut self, status: &Status, wiring: Option<&Wiring>, now_s: f64) {
         let Some(wiring) = wiring else { return };
         let coils_on = wiring.coils_on(&status.word);
+        self.supply.see(now_s, wiring, coils_on);
         self.on_since_s.resize(wiring.coils.len(), None);
         for (index, since_s) in self.on_since_s.iter_mut().enumerate() {
             let is_on = coils_on >> index & 1 == 1;
@@ -165,13 +173,18 @@ impl Observer {
         self.shown = Some(posture);
     }
 
-    fn board(&self, client: &Client, status: &Status, now_s: f64, round_trip_s: f64) -> BoardView {
+    fn board(&mut self, client: &Client, status: &Status, now_s: f64, round_trip_s: f64) -> BoardView {
         let (hello, counts) = (client.hello(), client.counts());
         let [major, minor, patch] = client.version().firmware;
         let arm = self.hub.wired().map(|wired| wired.arm.hash());
         let profile = hello.map(|hello| hello.profile).filter(|profile| *profile != Digest::default());
-        let wiring = self.hub.wired().map(|wired| &wired.wiring);
+        let hub = Arc::clone(&self.hub);
+        let wiring = hub.wired().map(|wired| &wired.wiring);
         let table = hello.and_then(|hello| hello.table);
+        // The limit of another profile is not known here.
+        let has_own_profile = hub.wired().is_some_and(|wired| profile == Some(wired.profile.profile.digest));
+        let supply = wiring.filter(|_| has_own_profile).map(|wiring| self.supply.view(now_s, &wiring.switch_limit));
+        let wait_s = supply.map_or(0.0, |supply| supply.wait_s);
         let board_now = board_now_s(client, now_s);
         BoardView {
             name: client.identity().board.to_string(),
@@ -180,12 +193,15 @@ impl Observer {
             boots: hello.map_or(0, |hello| hello.boots),
             table: table.map(|table| table.to_string()),
             profile: profile.map(|profile| profile.to_string()),
+            // The built-in profile has outputs.
+            is_profile_lost: profile.is_none() && self.outputs.is_empty(),
+            supply,
             has_other_model: table.is_some() && arm.zip(status.model).is_some_and(|(arm, board)| arm != board),
             rows: status.rows,
             phase: PhaseView::of(&status.phase, Micros((1e6 * board_now.max(0.0)) as u64)),
             word: status.word.to_string(),
             actuators: wiring.map_or_else(Vec::new, |wiring| self.actuators(wiring, status, now_s)),
-            outputs: self.outputs.iter().map(|output| self.output(output, wiring, now_s)).collect(),
+            outputs: self.outputs.iter().map(|output| self.output(output, wiring, now_s, wait_s)).collect(),
             servos: status.servos.iter().map(servo).collect(),
             quality: QualityView {
                 round_trip_s,
@@ -207,10 +223,13 @@ impl Observer {
         actuators.map(view).collect()
     }
 
-    fn output(&self, state: &OutputState, wiring: Option<&Wiring>, now_s: f64) -> OutputView {
+    fn output(&self, state: &OutputState, wiring: Option<&Wiring>, now_s: f64, wait_s: f64) -> OutputView {
         let coil = wiring.and_then(|wiring| wiring.coils.iter().position(|coil| coil.output == state.output));
         let seconds = |ms: u32| 1e-3 * f64::from(ms);
         let since_s = coil.and_then(|coil| self.on_since_s.get(coil).copied().flatten());
+        let on_s = since_s.map(|since_s| now_s - since_s);
+        // The board was asked a moment ago, and has been on since then.
+        let unseen_s = on_s.map_or(0.0, |on_s| on_s.min(now_s - self.outputs_s));
         OutputView {
             output: state.output,
             actuator: wiring.zip(coil).and_then(|(wiring, coil)| owner(wiring, coil)),
@@ -219,12 +238,9 @@ impl Observer {
                 .and_then(|(wiring, coil)| wiring.coils.get(coil))
                 .map(|coil| drive_name(&coil.drive)),
             is_on: coil.map(|_| since_s.is_some()),
-            on_s: since_s.map(|since_s| now_s - since_s),
-            left_s: left_s(
-                seconds(state.left_ms),
-                seconds(state.limit.max_on_ms),
-                since_s.map(|since_s| now_s - since_s),
-            ),
+            on_s,
+            left_s: left_s(seconds(state.left_ms) - unseen_s, seconds(state.limit.max_on_ms), on_s),
+            wait_s: if on_s.is_some() { 0.0 } else { wait_s },
             allowed_s: allowed_s(&state.limit),
             recovery_s: seconds(state.recovery_ms),
             limit: state.limit.into(),

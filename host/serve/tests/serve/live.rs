@@ -1,9 +1,10 @@
 //! What pages see of the board.
 
 use darm_arm::arm::ArmScratch;
+use darm_arm::wired_arm::WiredArm;
 use serde_json::json;
 
-use super::board::Bench;
+use super::board::{Bench, example};
 
 #[test]
 fn a_board_is_shown_with_its_outputs_switches_and_limits() {
@@ -83,4 +84,29 @@ fn a_fault_is_shown_with_its_actuator_and_cleared() {
     bench.board.set_broken(darm_device::plant::Broken::default());
     assert_eq!(page.command(&json!({"do": "clear"})).status, 200);
     bench.phase("idle");
+}
+
+#[test]
+fn the_supply_counts_down_until_it_can_feed_more_outputs() {
+    let folder = tempfile::tempdir().unwrap();
+    let profile = folder.path().join("slow.toml");
+    let text = std::fs::read_to_string(example("planar4.profile.toml")).unwrap();
+    let slow = text.replacen("new_outputs = 6\nwindow_ms = 10\n", "new_outputs = 2\nwindow_ms = 5000\n", 1);
+    assert_ne!(slow, text);
+    std::fs::write(&profile, slow).unwrap();
+    let bench = Bench::start_wired(WiredArm::read(&example("planar4.toml"), Some(&profile)).unwrap(), None);
+    bench.phase("idle");
+    let page = bench.page_in_control();
+    page.upload(&bench.table(&["110000000000"], 0.1));
+    // After a start the board takes its supply as exhausted.
+    bench.board.pass(6.0);
+    assert_eq!(page.command(&json!({"do": "word", "word": "110000000000"})).status, 200);
+    let live = bench.live(|live| live["board"]["supply"]["room"] == 0);
+    let (supply, outputs) = (&live["board"]["supply"], &live["board"]["outputs"]);
+    let wait_s = supply["wait_s"].as_f64().unwrap();
+    assert!(supply["all"] == 2 && wait_s > 0.0 && wait_s <= 5.0, "{supply}");
+    assert_eq!((&outputs[0]["wait_s"], &outputs[2]["wait_s"]), (&json!(0.0), &supply["wait_s"]));
+    bench.board.pass(5.0);
+    let later = bench.live(|live| live["board"]["supply"]["room"] == 2);
+    assert_eq!(later["board"]["outputs"][2]["wait_s"], 0.0);
 }
