@@ -3,4 +3,5 @@
 pub mod image;
 pub mod package;
 pub mod setup;
+pub mod shipped;
 pub mod step;

@@ -5,11 +5,13 @@
 //! | `deb`        | builds the package: tool with the images in it, completions, man pages  |
 //! | `clean_root` | installs, uses and removes it in a clean Debian 12                      |
 //! | `check.sh`   | the same as commands, which run in that Debian                          |
+//! | `notice`     | the notice of what others wrote                                         |
 //! | `crates`     | which crates are published, and that `cargo package` accepts them       |
 
 mod clean_root;
 pub mod crates;
 mod deb;
+pub mod notice;
 
 use std::path::PathBuf;
 

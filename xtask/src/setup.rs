@@ -127,7 +127,7 @@ pub fn browser() -> Result<()> {
 }
 
 /// Whether a program of this name can be started.
-fn has(program: &str) -> bool {
+pub fn has(program: &str) -> bool {
     Command::new(program).arg("--version").stdin(Stdio::null()).output().is_ok_and(|output| output.status.success())
 }
 

@@ -169,6 +169,10 @@ fn packages_of(files: Option<&[String]>) -> Vec<&'static str> {
 /// Of the workspace as the PC builds it, and of each board as its chip does.
 fn style() -> Result<()> {
     cargo(&["fmt", "--all", "--check"])?;
+    // CI has it, and the database of advisories.
+    if setup::has("cargo-deny") {
+        cargo(&["deny", "--offline", "check", "licenses", "bans", "sources"])?;
+    }
     cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"])?;
     Board::ALL.into_iter().try_for_each(|board| {
         let chip = ["--package", board.package(), "--features", "chip", "--target", board.target()];

@@ -31,9 +31,12 @@ dpkg --get-selections | sort | comm -13 /before - | sed 's/^/check: installed /'
 for file in /usr/bin/darm /usr/share/man/man1/darm-synth.1.gz /usr/lib/udev/rules.d/60-darm.rules \
     /usr/share/bash-completion/completions/darm /usr/share/zsh/vendor-completions/_darm \
     /usr/share/fish/vendor_completions.d/darm.fish /usr/share/doc/darm/copyright /usr/share/doc/darm/README.md \
-    /usr/share/doc/darm/docs/first-arm.md /usr/share/doc/darm/examples/planar4.toml; do
+    /usr/share/doc/darm/docs/first-arm.md \
+    /usr/share/doc/darm/THIRD-PARTY.md /usr/share/doc/darm/rust-std.COPYRIGHT.html /usr/share/doc/darm/examples/planar4.toml; do
     [ -f $file ] || fail "no $file"
 done
+notice=/usr/share/doc/darm/THIRD-PARTY.md
+grep -q '^- serialport .* Mozilla Public License 2.0' $notice || fail "$notice does not say where the source of serialport is"
 zcat /usr/share/man/man1/darm-synth.1.gz | grep -q '^.SH NAME' || fail "darm-synth.1.gz is no manual page"
 # The shell calls the function so when somebody types `darm sy` and the tab key.
 words=$(bash -c '. /usr/share/bash-completion/completions/darm

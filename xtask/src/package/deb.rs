@@ -7,6 +7,7 @@ use std::process::Command;
 
 use anyhow::{Context, Result, bail};
 
+use super::notice;
 use crate::image;
 use crate::setup;
 
@@ -26,6 +27,7 @@ pub(super) fn build(debug: bool) -> Result<PathBuf> {
     fs::create_dir_all(&release)?;
     fs::copy(&tool, release.join("darm")).with_context(|| format!("{} cannot be copied", tool.display()))?;
     write_texts(&tool, &release)?;
+    notice::write(&release)?;
     let mut package = cargo(["deb", "--no-build", "--quiet", "--package", "darm"]);
     package.args(maintainer().map(|maintainer| format!("--maintainer={maintainer}")));
     run(package.env("CARGO_TARGET_DIR", &target))?;

@@ -3,5 +3,6 @@
 //! A separate package, because nothing else needs the renderer of the book, which is half of the packages of the tests.
 
 mod book;
+mod notice;
 mod published;
 mod reference;
