@@ -121,8 +121,8 @@ pub enum TableFileError {
     #[error(
         "{path} was made for {}, this board has {}; write that profile with `darm profile write`, or remake the table with \
          `darm table --profile`",
-        profile_name(.profile),
-        profile_name(.board)
+        profile_name(.profile, "no profile (built-in limits)"),
+        profile_name(.board, "no profile (built-in limits, or nothing is driven: `darm status` says which)")
     )]
     OtherProfile {
         /// The file.
@@ -143,9 +143,9 @@ pub enum TableFileError {
 }
 
 /// The digest of a profile; that of a board without one is zero.
-fn profile_name(profile: &ShortDigest) -> String {
+fn profile_name(profile: &ShortDigest, none: &str) -> String {
     match *profile == Digest::default().short() {
-        true => "no profile (built-in limits)".to_owned(),
+        true => none.to_owned(),
         false => format!("board profile {profile}"),
     }
 }

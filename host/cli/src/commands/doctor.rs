@@ -12,6 +12,7 @@ use darm_device::link::{self, LinkError};
 use darm_device::qemu::{self, VersionError};
 use serde::Serialize;
 
+use super::status::ProfileState;
 use super::{flash, status};
 use crate::failure::FailedChecks;
 use crate::firmware_image::{self, NoImage};
@@ -222,19 +223,33 @@ fn contents(client: &mut Client) -> Vec<Check> {
         Some(table) => Check::good("table", table.short().to_string()),
         None => Check::missing("table", "the board has no table", "make one with `darm table`, then `darm upload` it"),
     };
-    let profile = match status::profile(client) {
-        Some(profile) => Check::good("profile", profile.short().to_string()),
-        None => Check::missing(
+    let [profile, outputs] = match client.outputs() {
+        Ok(outputs) => [
+            profile(client, ProfileState::of(client, &outputs)),
+            Check::good("outputs", status::recovery(&status::recovering(&outputs))),
+        ],
+        Err(error) => ["profile", "outputs"].map(|name| Check::request_failed(name, &error)),
+    };
+    vec![phase(client), table, profile, outputs]
+}
+
+/// Which limits are in force.
+fn profile(client: &Client, state: ProfileState) -> Check {
+    match state {
+        ProfileState::Written => {
+            Check::good("profile", status::profile(client).unwrap_or_default().short().to_string())
+        }
+        ProfileState::BuiltIn => Check::missing(
             "profile",
             "none; the built-in one is in force: 16 outputs, no servos",
             "`darm profile write --arm arm.toml`",
         ),
-    };
-    let outputs = match client.outputs() {
-        Ok(outputs) => Check::good("outputs", status::recovery(&status::recovering(&outputs))),
-        Err(error) => Check::request_failed("outputs", &error),
-    };
-    vec![phase(client), table, profile, outputs]
+        ProfileState::Lost => Check::wrong(
+            "profile",
+            "lost or unusable; nothing is driven",
+            "write it again with `darm profile write`, holding the button",
+        ),
+    }
 }
 
 /// Whether the board has latched its safe state.

@@ -10,11 +10,11 @@ use darm_arm::board_profile::BoardProfile;
 use darm_arm::migrate;
 use darm_arm::wired_arm::WiredArm;
 use darm_core::profile::Servo as ProfileServo;
-use darm_core::units::Digest;
 use darm_core::wire::message::Refusal;
 use darm_device::client::{Client, ClientError};
 use darm_robot::source::path_between;
 
+use crate::commands::status::ProfileState;
 use crate::output_file;
 use crate::port::PortArgs;
 use crate::ui::Ui;
@@ -262,9 +262,11 @@ fn has(client: &mut Client, profile: &BoardProfile) -> bool {
 fn show(client: &mut Client, ui: Ui) -> anyhow::Result<()> {
     let profile = client.say_hello()?.profile;
     let outputs = client.outputs()?;
+    let state = ProfileState::of(client, &outputs);
     ui.print(&Shown {
         profile: profile.to_string(),
-        built_in: profile == Digest::default(),
+        state,
+        built_in: state == ProfileState::BuiltIn,
         outputs: outputs.iter().map(OutputReport::from).collect(),
     })
 }

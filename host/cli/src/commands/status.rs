@@ -78,8 +78,9 @@ struct Report {
     model: Option<String>,
     /// Digest of the table.
     table: Option<String>,
-    /// Digest of the board profile; `None` for the built-in one.
+    /// Digest of the board profile; `None` without one.
     profile: Option<String>,
+    profile_state: ProfileState,
     /// Outputs that have used part of their limits.
     recovering: Vec<Recovering>,
     switches_closed: Vec<u8>,
@@ -167,6 +168,7 @@ fn report(client: &Client, status: &message::Status, outputs: &[OutputState], cr
         model: status.model.map(|model| model.to_string()),
         table: client.hello().and_then(|hello| hello.table).map(|table| table.to_string()),
         profile: profile(client).map(|profile| profile.to_string()),
+        profile_state: ProfileState::of(client, outputs),
         recovering: recovering(outputs),
         switches_closed: (0..32).filter(|input| status.switches >> input & 1 == 1).collect(),
         servos: status.servos.iter().map(servo).collect(),
@@ -180,10 +182,37 @@ fn report(client: &Client, status: &message::Status, outputs: &[OutputState], cr
     }
 }
 
-/// The profile that was written to the board; `None` while the built-in one is in force.
+/// The profile that is in force; `None` without one.
 pub(super) fn profile(client: &Client) -> Option<Digest> {
     client.hello().map(|hello| hello.profile).filter(|profile| *profile != Digest::default())
 }
+
+/// Which limits a board has in force.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum ProfileState {
+    /// Those of the profile that was written to it.
+    Written,
+    /// Those that are built in: it has never had a profile.
+    BuiltIn,
+    /// None, so that it drives nothing: its profile is lost, or cannot be used.
+    Lost,
+}
+
+impl ProfileState {
+    /// As the board, and these of its outputs, say. The built-in profile has outputs; a board without limits has none.
+    pub(super) fn of(client: &Client, outputs: &[OutputState]) -> Self {
+        match profile(client) {
+            Some(_) => Self::Written,
+            None if outputs.is_empty() => Self::Lost,
+            None => Self::BuiltIn,
+        }
+    }
+}
+
+/// What to say of a board without limits.
+pub(super) const LOST: &str =
+    "LOST or unusable: nothing is driven until it is written again with `darm profile write`, holding the button";
 
 /// The outputs whose remaining on-time is reduced because they were on recently.
 pub(super) fn recovering(outputs: &[OutputState]) -> Vec<Recovering> {
@@ -325,6 +354,16 @@ impl Report {
     }
 }
 
+impl Report {
+    fn profile_text(&self) -> &str {
+        match self.profile_state {
+            ProfileState::Written => self.profile.as_deref().map_or("", short),
+            ProfileState::BuiltIn => "built in",
+            ProfileState::Lost => LOST,
+        }
+    }
+}
+
 impl Answer for Report {
     fn text(&self) -> String {
         let closed: Vec<String> = self.switches_closed.iter().map(u8::to_string).collect();
@@ -338,7 +377,7 @@ impl Answer for Report {
                 }
                 _ => "table     none; make one with `darm table`, then `darm upload` it".to_owned(),
             },
-            format!("profile   {}", self.profile.as_deref().map_or("built in", short)),
+            format!("profile   {}", self.profile_text()),
             format!("outputs   {}", recovery(&self.recovering)),
             format!("word      {}", if self.word.is_empty() { "none" } else { &self.word }),
             format!(
@@ -374,5 +413,41 @@ impl ServoReport {
             (Some(_), 0) => String::new(),
             (Some(_), bits) => format!(", error bits {bits:#04x}"),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use darm_arm::board_profile::BoardProfile;
+    use darm_core::output::Wiring;
+    use darm_device::client::Client;
+    use darm_device::in_process::{InProcess, MemoryFlash};
+    use darm_device::plant::Plant;
+
+    use super::{LOST, ProfileState, report};
+    use crate::ui::Answer as _;
+
+    /// What `darm status` says of the profile of a board with this flash.
+    fn said(flash: MemoryFlash) -> (ProfileState, String) {
+        let board = InProcess::boot(Plant::new(&Wiring::default(), &[]), flash).unwrap();
+        let mut client = Client::connect(board.link()).unwrap();
+        let (status, outputs) = (client.status().unwrap(), client.outputs().unwrap());
+        let report = report(&client, &status, &outputs, None);
+        let line = report.text().lines().find_map(|line| line.strip_prefix("profile   ").map(str::to_owned));
+        (report.profile_state, line.unwrap())
+    }
+
+    #[test]
+    fn a_lost_profile_is_not_the_one_that_is_built_in() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/planar4.profile.toml");
+        let profile = BoardProfile::read(&path).unwrap();
+        assert_eq!(said(MemoryFlash::default()), (ProfileState::BuiltIn, "built in".to_owned()));
+        let written = said(MemoryFlash::with_profile(&profile.image()));
+        assert_eq!(written, (ProfileState::Written, profile.profile.digest.short().to_string()));
+        let damaged = MemoryFlash::with_profile(&profile.image());
+        assert!(damaged.damage_profiles(profile.image().bytes()) > 0);
+        assert_eq!(said(damaged), (ProfileState::Lost, LOST.to_owned()));
     }
 }

@@ -93,7 +93,7 @@ fn messages_name_ports_profiles_and_refused_lines() {
     home.succeeds(&format!("table {arm} --words 000010000000 -o one.darm"));
     let board = Board::start(&home, &format!("{arm} --no-profile --folder board"));
     let refused = text(&home.darm(&format!("upload one.darm {}", board.port)).stderr);
-    assert!(refused.contains("this board has no profile (built-in limits)"), "{refused}");
+    assert!(refused.contains("this board has no profile (built-in limits, or nothing is driven"), "{refused}");
     let mut script = home.command(&format!("console {}", board.port));
     home.write("script", "id\ndance\n");
     let script = script.stdin(std::fs::File::open(home.path("script")).unwrap()).output().unwrap();

@@ -7,6 +7,7 @@ use darm_core::output::CoilLimit;
 use darm_core::wire::message::OutputState;
 use serde::Serialize;
 
+use crate::commands::status::{LOST, ProfileState};
 use crate::ui::{Answer, columns};
 
 #[derive(Serialize)]
@@ -106,6 +107,7 @@ impl Answer for Checked {
 #[derive(Serialize)]
 pub(super) struct Shown {
     pub(super) profile: String,
+    pub(super) state: ProfileState,
     pub(super) built_in: bool,
     pub(super) outputs: Vec<OutputReport>,
 }
@@ -150,10 +152,16 @@ impl OutputReport {
 
 impl Answer for Shown {
     fn text(&self) -> String {
-        let head = match self.built_in {
-            true => "the board has no profile: the built-in limits are in force, servos are off".to_owned(),
-            false => format!("profile {}", self.profile.get(..16).unwrap_or(&self.profile)),
+        let head = match self.state {
+            ProfileState::Lost => format!("the profile of the board is {LOST}"),
+            ProfileState::BuiltIn => {
+                "the board has no profile: the built-in limits are in force, servos are off".to_owned()
+            }
+            ProfileState::Written => format!("profile {}", self.profile.get(..16).unwrap_or(&self.profile)),
         };
+        if self.outputs.is_empty() {
+            return head;
+        }
         let titles =
             ["output", "max on-time", "duty", "window", "left now", "recovered in"].map(str::to_owned).to_vec();
         let rows: Vec<_> = std::iter::once(titles).chain(self.outputs.iter().map(OutputReport::cells)).collect();
