@@ -2,7 +2,6 @@
 
 use std::io::{self, ErrorKind};
 use std::os::fd::{AsFd, OwnedFd};
-use std::path::Path;
 use std::time::{Duration, Instant};
 
 use rustix::fs::{FlockOperation, Mode, OFlags, flock};
@@ -91,31 +90,19 @@ fn busy(error: rustix::io::Errno) -> io::Error {
     }
 }
 
-/// The names of the serial ports of this machine, boards first. There are none where `/sys` is not mounted, as in a chroot.
+/// Where Linux lists them.
+const TERMINALS: &str = "/sys/class/tty";
+
+/// The names of the serial ports of this machine, boards first. There are none where `/sys` is not mounted, as in a chroot;
+/// `serialport` panics there.
 pub fn ports() -> Vec<String> {
-    let mut ports =
-        if cfg!(target_os = "linux") { ports_of_linux(Path::new("/sys/class/tty")) } else { ports_of_unix() };
-    ports.sort_by_key(|name| (!(name.contains("ACM") || name.contains("USB")), name.clone()));
+    if cfg!(target_os = "linux") && !std::path::Path::new(TERMINALS).is_dir() {
+        return Vec::new();
+    }
+    let mut ports: Vec<String> =
+        serialport::available_ports().unwrap_or_default().into_iter().map(|p| p.port_name).collect();
+    ports.sort_by_key(|name| !(name.contains("ACM") || name.contains("USB")));
     ports
-}
-
-/// The terminals that have a device behind them. The driver of the PC's own ports lists four whether they are there or not: its
-/// attribute `type` is 0, `PORT_UNKNOWN`, of those that are not (`include/uapi/linux/serial_core.h`).
-fn ports_of_linux(terminals: &Path) -> Vec<String> {
-    let entries = std::fs::read_dir(terminals).into_iter().flatten().flatten();
-    let is_there = |folder: &Path| {
-        let kind = std::fs::read_to_string(folder.join("type"));
-        folder.join("device").exists() && kind.map_or(true, |kind| kind.trim() != "0")
-    };
-    let names = entries.filter(|entry| is_there(&entry.path())).map(|entry| entry.file_name());
-    names.map(|name| format!("/dev/{}", name.to_string_lossy())).collect()
-}
-
-/// Elsewhere the call-out devices, `cu.*`: they do not wait for a carrier.
-fn ports_of_unix() -> Vec<String> {
-    let names = std::fs::read_dir("/dev").into_iter().flatten().flatten().map(|entry| entry.file_name());
-    let names = names.map(|name| name.to_string_lossy().into_owned());
-    names.filter(|name| name.starts_with("cu.")).map(|name| format!("/dev/{name}")).collect()
 }
 
 impl Link for Serial {
@@ -139,36 +126,5 @@ impl Link for Serial {
 
     fn duplicate(&self) -> Option<OwnedFd> {
         self.port.try_clone().ok()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::fs;
-
-    use super::ports_of_linux;
-
-    /// The layout of `/sys/class/tty` of a PC with one board: links to folders, here folders.
-    #[test]
-    fn ports_without_a_device_or_a_chip_are_not_listed() {
-        let folder = tempfile::tempdir().unwrap();
-        let terminal = |name: &str, has_device: bool, kind: Option<&str>| {
-            fs::create_dir_all(folder.path().join(name)).unwrap();
-            if has_device {
-                fs::create_dir(folder.path().join(name).join("device")).unwrap();
-            }
-            if let Some(kind) = kind {
-                fs::write(folder.path().join(name).join("type"), kind).unwrap();
-            }
-        };
-        terminal("ttyACM0", true, None);
-        terminal("ttyS0", true, Some("4\n"));
-        terminal("ttyS1", true, Some("0\n"));
-        terminal("tty1", false, None);
-        terminal("ptmx", false, None);
-        let mut ports = ports_of_linux(folder.path());
-        ports.sort();
-        assert_eq!(ports, ["/dev/ttyACM0", "/dev/ttyS0"]);
-        assert_eq!(ports_of_linux(&folder.path().join("missing")), [""; 0], "no /sys, as in a chroot");
     }
 }
