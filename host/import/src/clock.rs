@@ -7,7 +7,7 @@ use crate::unit::Unit;
 /// A time stamp of the years 2001 to 2286, ns; smaller numbers count from the beginning of a recording.
 const LONG_AGO_NS: std::ops::Range<i128> = 1_000_000_000_000_000_000..9_000_000_000_000_000_000;
 
-/// Lets a column of time since 1970 count from its first row, to which it is told apart by nanoseconds that its numbers do
+/// Lets a column of time since 1970 count from its first row, by nanoseconds that its numbers do
 /// not have; a column of the parts of its unit (µs beside s) is added and taken away. What it counts from, ns since 1970.
 pub(crate) fn from_first(part: &mut Part, k: usize, unit: Unit, notes: &mut Vec<String>) -> Option<i64> {
     let place = places(unit)?;
@@ -57,11 +57,11 @@ fn exact(part: &Part, k: usize, places: u32) -> Option<Vec<Option<i128>>> {
 fn decimal_ns(text: &str, places: u32) -> Option<i128> {
     let text = text.trim();
     let (sign, digits) = text.strip_prefix('-').map_or((1, text.trim_start_matches('+')), |digits| (-1, digits));
-    let (whole, fraction) = digits.split_once('.').unwrap_or((digits, ""));
+    let (integer, fraction) = digits.split_once('.').unwrap_or((digits, ""));
     let fraction: String = fraction.chars().chain("0".repeat(places as usize).chars()).collect();
     let fraction = fraction.get(..places as usize)?;
-    let all = format!("{whole}{fraction}");
-    let is_plain = !whole.is_empty() && all.len() < 30 && all.bytes().all(|byte| byte.is_ascii_digit());
+    let all = format!("{integer}{fraction}");
+    let is_plain = !integer.is_empty() && all.len() < 30 && all.bytes().all(|byte| byte.is_ascii_digit());
     is_plain.then(|| all.parse::<i128>().ok().map(|ns| sign * ns))?
 }
 

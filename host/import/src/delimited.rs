@@ -323,7 +323,7 @@ fn column(
             notes.extend(stamps.note.map(|note| format!("column {}: {note}", column.name)));
             let first = stamps.ns.iter().flatten().next().copied().unwrap_or(0);
             // From the first, so that nanoseconds are kept; a time of day from midnight.
-            let zero = if stamps.is_since_1970 { first } else { 0 };
+            let zero = if stamps.has_date { first } else { 0 };
             let seconds = |ns: &Option<i64>| ns.map_or(f64::NAN, |ns| (ns - zero) as f64 / 1e9);
             let numbers = stamps.ns.iter().map(seconds).collect();
             let column = Column { numbers, texts: Vec::new(), unit: Some("s".into()), ..column };

@@ -98,7 +98,7 @@ fn joined(rows: &[&Row], width: usize) -> Vec<String> {
         for (k, name) in names.iter().enumerate() {
             by_name.entry(name).or_default().insert(cell(row, k));
         }
-        // With a column all those are told apart that are under the same word: `Rotation W` beside `Rotation X`.
+        // With a column all those get the word that are under the same one: `Rotation W` beside `Rotation X`.
         let words = by_name.into_values().filter(|words| words.len() > 1).flatten();
         let words: HashSet<&str> = words.filter(|word| !word.is_empty()).collect();
         let with_word = |(k, name): (usize, &String)| match cell(row, k) {

@@ -145,7 +145,8 @@ pub fn propose(recording: &Recording, units: &[(String, Unit)]) -> Mapping {
         let (zero_based, pose) = (zero_based(part), pose(part));
         for (k, column) in part.columns.iter().enumerate() {
             let is_stamp = !part.stamps_ns.is_empty() && time_unit(column).is_some();
-            if time.map(|(at, _)| at) != Some(k) && !is_stamp {
+            // A column without any value has nothing to say.
+            if time.map(|(at, _)| at) != Some(k) && !is_stamp && column.n_values() > 0 {
                 let of_pose =
                     pose.iter().find(|(column, ..)| *column == k).map(|(_, name, unit)| ((*name).to_owned(), *unit));
                 let (name, needed) = of_pose.unwrap_or_else(|| meaning(part, column, &zero_based));
@@ -207,7 +208,8 @@ fn meaning(part: &Part, column: &Column, zero_based: &[&str]) -> (String, &'stat
         return (format!("{quantity}{}", number + usize::from(zero_based.contains(&quantity))), unit);
     }
     let plain = plain(base);
-    let plain = if plain.eq_ignore_ascii_case("wort") { "word".to_owned() } else { plain };
+    let english = [("wort", "word"), ("winkel", "angle")].into_iter().find(|(own, _)| plain.eq_ignore_ascii_case(own));
+    let plain = english.map_or(plain, |(_, english)| english.to_owned());
     let own = OWN.iter().find(|(name, _)| plain.eq_ignore_ascii_case(name));
     own.map_or((plain.clone(), ""), |(_, unit)| (plain.clone(), unit))
 }

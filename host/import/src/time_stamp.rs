@@ -27,7 +27,8 @@ pub enum Dates {
 pub(crate) struct Stamps {
     /// Since 1970, or since midnight; `None` of an empty cell.
     pub(crate) ns: Vec<Option<i64>>,
-    /// Whether they have a date that is known.
+    /// Whether they have a date, and one that is known.
+    pub(crate) has_date: bool,
     pub(crate) is_since_1970: bool,
     /// What was assumed.
     pub(crate) note: Option<String>,
@@ -83,7 +84,7 @@ pub(crate) fn column<'a>(
         Some(if has_date { ns } else { ns + days_ns })
     });
     let ns = ns.collect();
-    Some(Ok(Stamps { ns, is_since_1970: has_date && is_known, note }))
+    Some(Ok(Stamps { ns, has_date, is_since_1970: has_date && is_known, note }))
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -143,16 +144,16 @@ fn clock_ns(text: &str, has_date: bool, half: Option<i64>) -> Option<i64> {
         return None;
     }
     let mut parts = text.splitn(3, mark);
-    let whole = |part: &str| -> Option<i64> {
+    let digits_of = |part: &str| -> Option<i64> {
         ((1..=2).contains(&part.len()) && part.bytes().all(|byte| byte.is_ascii_digit())).then(|| part.parse().ok())?
     };
-    let (hours, minutes) = (whole(parts.next()?)?, whole(parts.next()?)?);
+    let (hours, minutes) = (digits_of(parts.next()?)?, digits_of(parts.next()?)?);
     let seconds = parts.next();
     if seconds.is_none() && !has_date {
         return None;
     }
     let (seconds, fraction) = seconds.unwrap_or("0").split_once(['.', ',']).unwrap_or((seconds.unwrap_or("0"), ""));
-    let seconds = whole(seconds)?;
+    let seconds = digits_of(seconds)?;
     let digits: String = fraction.chars().chain("000000000".chars()).take(9).collect();
     let fraction: i64 =
         if fraction.bytes().all(|byte| byte.is_ascii_digit()) { digits.parse().ok()? } else { return None };
@@ -227,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn day_and_month_are_told_apart_by_the_column_or_asked() {
+    fn day_and_month_are_found_by_the_column_or_asked() {
         let read = |cells: &[&str]| column(cells.iter().map(|cell| Some(*cell)), None);
         let known = read(&["1/5/2024 10:00:00", "1/13/2024 10:00:00"]).unwrap().unwrap();
         assert_eq!((known.ns[1].unwrap() - known.ns[0].unwrap(), known.is_since_1970), (8 * DAY_NS, true));
@@ -239,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn a_time_of_day_goes_on_after_midnight() {
+    fn a_time_of_day_continues_after_midnight() {
         let cells = [Some("23:59:59.5"), None, Some("00:00:00.25")];
         let Stamps { ns, is_since_1970, .. } = column(cells.into_iter(), None).unwrap().unwrap();
         assert_eq!((ns[2].unwrap() - ns[0].unwrap(), ns[1], is_since_1970), (750_000_000, None, false));
