@@ -14,7 +14,7 @@ pub type Locks = BTreeMap<String, f64>;
 /// Which of a file is the robot.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Selection {
-    /// Joints that are held.
+    /// Joints that are locked.
     pub locks: Locks,
     /// The body or link with which its tree begins; `None`: all that the file describes.
     pub root: Option<String>,

@@ -53,7 +53,7 @@ pub enum FindingKind {
     UnreadColumns,
     /// The log has joints that the model has not.
     MissingJoints,
-    /// A joint turns on and on, and its position was logged within a turn.
+    /// A joint turns without end, and its position was logged within a turn.
     UnwrappedTurns,
     /// Only one row in several is used.
     Decimated,

@@ -131,7 +131,8 @@ fn table(log: &Log, limits: &Limits) -> Result<Vec<u8>, LogError> {
         1 => key.clone(),
         _ => format!("{}/{key}", topic.trim_start_matches('/')),
     };
-    let timed = columns.iter().any(|(_, key)| meaning_of(&name_parts(key).0) == "time");
+    // A stamp under another name may be a date; the time of the log is a number.
+    let timed = columns.iter().any(|(_, key)| matches!(name_parts(key).0.as_str(), "time" | "t"));
     let own = (!timed && !rows.is_empty()).then(|| "time_s".to_string());
     let header: Vec<String> = own.into_iter().chain(columns.iter().map(name)).collect();
     let lines = rows.iter().map(|(time_ns, row)| -> Vec<String> {

@@ -72,7 +72,7 @@ fn time_without_unit(column: &mut Column) -> Option<Finding> {
     let largest = column.numbers.iter().copied().filter(|number| number.is_finite()).fold(0.0, f64::max);
     // Of the years 2001 to 2286.
     let sizes = [("ns", 1e18, 1e9), ("us", 1e15, 1e6), ("ms", 1e12, 1e3)];
-    let (unit, _, per_second) = *sizes.iter().find(|(_, least, _)| is_time && largest > *least)?;
+    let (unit, _, per_second) = *sizes.iter().find(|(_, smallest, _)| is_time && largest > *smallest)?;
     column.numbers.iter_mut().for_each(|number| *number /= per_second);
     column.unit = "s";
     let name = &column.name;

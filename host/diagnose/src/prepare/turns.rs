@@ -1,4 +1,4 @@
-//! Joints that turn on and on, logged within one turn: their positions jump by a turn, their motion does not.
+//! Joints that turn without end, logged within one turn: their positions jump by a turn, their motion does not.
 
 use std::f64::consts::{PI, TAU};
 
@@ -26,13 +26,13 @@ pub(super) fn unwrap(table: &mut Table, motions: &[usize], findings: &mut Vec<Fi
             continue;
         }
         for stretch in &stretches {
-            let whole = unwrapped(&column.numbers[stretch.clone()]);
-            column.numbers[stretch.clone()].copy_from_slice(&whole);
+            let turned = unwrapped(&column.numbers[stretch.clone()]);
+            column.numbers[stretch.clone()].copy_from_slice(&turned);
         }
         names.push(column.name.clone());
     }
     if !names.is_empty() {
-        let text = format!("{} jumps by a turn where the joint goes on: its turns are added up", names.join(", "));
+        let text = format!("{} jumps by a turn where the joint continues: its turns are added up", names.join(", "));
         findings.push(Finding::note(FindingKind::UnwrappedTurns, text));
     }
 }
@@ -81,16 +81,16 @@ mod tests {
     #[test]
     fn a_joint_that_turns_several_times_is_one_motion() {
         // Seven turns, there and back, by sines.
-        let whole = |k: usize| 44.0 * (0.004 * k as f64).sin();
-        let logged = |low: f64| move |k: usize| (whole(k) - low).rem_euclid(TAU) + low;
+        let turned = |k: usize| 44.0 * (0.004 * k as f64).sin();
+        let logged = |low: f64| move |k: usize| (turned(k) - low).rem_euclid(TAU) + low;
         for low in [-PI, 0.0] {
             let (found, n) = unwrapped("q1_rad", (0..2000).map(logged(low)));
-            let off = found[0] - whole(0);
+            let off = found[0] - turned(0);
             assert_eq!(n, 1);
-            assert!((0..2000).all(|k| (found[k] - whole(k) - off).abs() < 1e-9), "{low}");
+            assert!((0..2000).all(|k| (found[k] - turned(k) - off).abs() < 1e-9), "{low}");
         }
         let (found, n) = unwrapped("q1_deg", (0..2000).map(|k| logged(-PI)(k).to_degrees().round()));
-        assert!(n == 1 && (found[900] - whole(900)).abs() < 0.02, "{}", found[900]);
+        assert!(n == 1 && (found[900] - turned(900)).abs() < 0.02, "{}", found[900]);
     }
 
     #[test]

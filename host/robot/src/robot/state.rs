@@ -278,7 +278,7 @@ impl Robot {
 }
 
 impl FloatingBase {
-    /// Adds the inertia that each axis has of its own: it takes a·ω̇, and a times the acceleration of the origin of the base,
+    /// Adds the same inertia to each axis: it takes a·ω̇, and a times the acceleration of the origin of the base,
     /// which is v̇ + ω × v in its own axes. So MuJoCo counts the armature of a free joint, whose velocity is along the axes
     /// of the world.
     fn add_armature(&mut self, armature: f64, base: &BaseMotion<f64>) {
