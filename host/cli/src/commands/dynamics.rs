@@ -226,7 +226,8 @@ fn state(equation: Equation, acceleration: Option<Accelerations>) -> State {
         gravity: equation.gravity,
         velocity_torque: equation.velocity_torque,
         kinetic_j: equation.kinetic_j,
-        potential_j: equation.potential_j,
+        // The height of a body at the origin is 0, not -0.
+        potential_j: equation.potential_j + 0.0,
         acceleration: joints,
         base_acceleration: of_base.map(|rate| rate.to_vector().into()),
         base,
@@ -288,7 +289,13 @@ impl Report {
         let matrix = |rows: &[Vec<f64>]| {
             columns(&rows.iter().map(|row| row.iter().map(|x| number(*x, 4)).collect()).collect::<Vec<_>>())
         };
-        text += &format!("\n\nmass matrix M, per rad or m\n{}", matrix(&state.mass_matrix));
+        match &state.base {
+            // A single body that floats has no matrix but that of its base.
+            Some(base) if state.mass_matrix.is_empty() => {
+                text += &format!("\n\nmass matrix of the base, angular axes first\n{}", matrix(&base.mass));
+            }
+            _ => text += &format!("\n\nmass matrix M, per rad or m\n{}", matrix(&state.mass_matrix)),
+        }
         let moves = state.velocity_torque.iter().any(|torque| *torque != 0.0);
         let base_moves = state.base.as_ref().is_some_and(|base| base.moves);
         if moves && !base_moves {

@@ -191,3 +191,24 @@ fn an_invalid_posture_is_reported() {
     let message = "darm: no frame `hand`; the frames are base, link 1, link 2, link 3, link 4, link 5, link 6";
     home.fails(&format!("fk {puma} --frame hand"), 2, message);
 }
+
+#[test]
+fn a_robot_beside_free_objects_is_read_by_its_root_in_every_command() {
+    let home = Home::new();
+    home.write(
+        "scene.xml",
+        "<mujoco><worldbody><body name=\"arm\" pos=\"0 0 1\"><joint name=\"q\" axis=\"0 1 0\"/><geom size=\"0.1\" pos=\"0.5 0 0\"/>\
+         <body name=\"tool\" pos=\"1 0 0\"><site name=\"tool\" pos=\"0.5 0 0\"/></body></body><body name=\"cube\"><freejoint/>\
+         <geom size=\"0.1\" mass=\"2\"/></body></worldbody></mujoco>",
+    );
+    let refused = text(&home.darm("fk scene.xml").stderr);
+    assert!(refused.ends_with("read one tree with --root 'arm' or --root 'cube'\n"), "{refused}");
+    let x = |line: &str| home.json(line)["poses"][0]["position_m"][0].as_f64().unwrap();
+    assert_eq!((x("fk scene.xml --root arm --frame tool"), x("fk scene.xml --root arm --frame site:tool")), (1.0, 1.5));
+    for command in ["model", "com", "jacobian", "dynamics", "draw"] {
+        let more = if command == "draw" { " -o arm.svg" } else { "" };
+        assert!(home.darm(&format!("{command} scene.xml --root arm{more}")).status.success(), "{command}");
+    }
+    let cube = home.succeeds("dynamics scene.xml --root cube");
+    assert!(cube.contains("mass matrix of the base, angular axes first") && cube.contains("2.000"), "{cube}");
+}

@@ -31,7 +31,7 @@ pub(super) struct BaseArgs {
 pub(super) struct Base {
     /// Wrench on the base that the motion needs.
     wrench: [f64; 6],
-    mass: Vec<Vec<f64>>,
+    pub(super) mass: Vec<Vec<f64>>,
     coupling: Vec<Vec<f64>>,
     /// Coriolis matrix of base and joints, the base first.
     coriolis_matrix: Vec<Vec<f64>>,

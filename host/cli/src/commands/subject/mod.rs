@@ -5,6 +5,7 @@ mod locks;
 mod postures;
 
 use std::path::PathBuf;
+use std::sync::Once;
 
 use anyhow::Context as _;
 use darm_arm::arm::{Arm, ArmScratch};
@@ -253,7 +254,9 @@ pub(crate) fn floating(path: &std::path::Path, root: Option<&str>) -> anyhow::Re
 pub(crate) fn frame_of<'a>(robot: &'a Robot, name: Option<&str>) -> Result<&'a RobotFrame, Usage> {
     let none = || Usage(format!("no frame `{}`; the frames are {}", name.unwrap_or("tool"), robot.frame_names()));
     if let Some(site) = name.and_then(|name| robot.frame(&format!("{SITE}{name}"))) {
-        eprintln!("note: the frame is the body of this name; that of the site is `{}`", site.name);
+        // Once, however often a command asks for the frame.
+        static SAID: Once = Once::new();
+        SAID.call_once(|| eprintln!("note: the frame is the body of this name; that of the site is `{}`", site.name));
     }
     robot.frame_or_tool(name).ok_or_else(none)
 }
