@@ -122,9 +122,7 @@ impl Answer for Text {
 
 impl Help {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
-        let mut darm = Cli::command();
-        // Names of subcommands in their usage become `darm profile write`.
-        darm.build();
+        let darm = Cli::command();
         let names: Vec<&str> = self.names.iter().map(String::as_str).collect();
         if names == [CONVENTIONS_NAME] {
             return ui.print(&Text { help: CONVENTIONS.to_owned() });
@@ -140,11 +138,14 @@ impl Help {
             let commands = group.commands.iter().map(sentence).collect();
             return ui.print(&Sentences { group: group.name, about: group.about, commands });
         }
-        let mut command = &mut darm;
+        let mut command = &darm;
         for name in &names {
-            command = command.find_subcommand_mut(name).ok_or_else(|| unknown(&names))?;
+            command = command.find_subcommand(name).ok_or_else(|| unknown(&names))?;
         }
-        ui.print(&Text { help: command.render_long_help().to_string() })
+        // What clap answers to --help: it is an error to clap, with the text of the help.
+        let line = ["darm"].into_iter().chain(names.iter().copied()).chain(["--help"]);
+        let help = Cli::command().try_get_matches_from(line).err().map(|help| help.to_string()).unwrap_or_default();
+        ui.print(&Text { help })
     }
 }
 

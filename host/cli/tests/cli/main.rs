@@ -199,7 +199,8 @@ fn the_overview_fits_on_a_screen_and_names_each_command_in_one_group() {
     for (group, names) in groups {
         let help = home.succeeds(&format!("help {group}"));
         for name in names {
-            let about = home.succeeds(&format!("{name} --help")).lines().next().unwrap().to_owned();
+            let text = home.succeeds(&format!("{name} --help"));
+            let about = text.lines().take_while(|line| !line.is_empty()).collect::<Vec<_>>().join(" ");
             assert!(help.contains(&format!("\n  {name:12}{about}\n")), "{group}, {name}: {help}");
         }
     }
