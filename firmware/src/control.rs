@@ -23,7 +23,7 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use darm_core::duty::{DutyMeters, MeterLimit};
 use darm_core::output::{MAX_SERVOS, ServoWiring};
 use darm_core::sequencer::{
-    Command, CommandError, EnableLevel, Event, FarEnd, Outputs, Seen, Sequencer, ServoAction, ServoSeen,
+    Command, CommandError, EnableLevel, Event, FarEnd, Outputs, Seen, Sequencer, ServoAction, ServoBreach, ServoSeen,
 };
 use darm_core::table::Table;
 use darm_core::units::Micros;
@@ -93,6 +93,7 @@ pub struct Shared<'t> {
     /// When the inputs changed.
     pub(crate) inputs: InputLog,
     seen: Mutex<Raw, Cell<[ServoSeen; MAX_SERVOS]>>,
+    breaches: Mutex<Raw, Cell<[Option<ServoBreach>; MAX_SERVOS]>>,
     joints: Mutex<Raw, Cell<Joints>>,
     /// Stops that were requested, and those that have been done.
     stops: AtomicU32,
@@ -113,6 +114,7 @@ impl<'t> Shared<'t> {
             events: Ring::new(),
             inputs: InputLog::new(),
             seen: Mutex::new(Cell::new([UNSEEN; MAX_SERVOS])),
+            breaches: Mutex::new(Cell::new([None; MAX_SERVOS])),
             joints: Mutex::new(Cell::new([None; MAX_SERVOS])),
             stops: AtomicU32::new(0),
             stops_done: AtomicU32::new(0),
@@ -152,6 +154,22 @@ impl<'t> Shared<'t> {
             }
             cell.set(seen);
         });
+    }
+
+    /// Takes in what a servo does that its profile does not allow, until this says otherwise.
+    pub fn set_servo_breach(&self, index: usize, breach: Option<ServoBreach>) {
+        self.breaches.lock(|cell| {
+            let mut breaches = cell.get();
+            if let Some(slot) = breaches.get_mut(index) {
+                *slot = breach;
+            }
+            cell.set(breaches);
+        });
+    }
+
+    /// What each servo does that its profile does not allow.
+    pub fn servo_breaches(&self) -> [Option<ServoBreach>; MAX_SERVOS] {
+        self.breaches.lock(Cell::get)
     }
 
     /// Visits of servos that got no answer, since the start.
@@ -255,6 +273,7 @@ impl<'t> Control<'t> {
             let _ = self.sequencer.command(Command::Stop);
         }
         self.seen.servos = shared.seen.lock(Cell::get);
+        self.seen.servo_breaches = shared.servo_breaches();
         let outputs = self.sequencer.step(now, &self.seen);
         let events_before = self.next_event;
         while let Some((at, event)) = self.sequencer.next_event() {

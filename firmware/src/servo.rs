@@ -15,6 +15,9 @@
 //! position becomes a goal after two reads that agree with each other and with the one before, registers count as read
 //! when two answers in a row are the same.
 //!
+//! Range, speed and motion are compared with the profile in each visit, whatever the servo is to do, and a breach that lasts for two
+//! visits goes to the control tick.
+//!
 //! Angles are those of the shaft; its zero is the servo's middle position, 2048 of 4096 steps a turn.
 //! Source: Feetech, STS3215 memory table.
 
@@ -25,7 +28,7 @@ mod place;
 use core::f32::consts::TAU;
 
 use darm_core::output::{MAX_SERVOS, SERVO_STEPS_PER_TURN, ServoWiring};
-use darm_core::sequencer::{ServoAction, ServoSeen, ServoTarget};
+use darm_core::sequencer::{ServoAction, ServoBreach, ServoSeen, ServoTarget};
 use darm_core::units::Micros;
 use embassy_futures::select::{Either, select};
 use embedded_io_async::{Read, Write};
@@ -49,6 +52,15 @@ const MAX_READS: u8 = 6;
 /// A hold that starts again keeps its goal where the load has bent the servo by less than this, steps: 1.4°. A new goal each
 /// time would creep.
 const BENT_STEPS: u16 = 16;
+
+/// Out of its range by more than this it breaches it: overshoot and resolution.
+const RANGE_MARGIN_RAD: f32 = 0.02;
+/// Resolution of the speed that a servo reports, steps/s: twice the coarsest unit of the series.
+const REPORT_STEPS_S: f32 = 100.0;
+/// Farther than this from what it is to hold a servo was moved, steps: 0.1 rad, twice what the load of a sound arm bends it.
+const STRAY_STEPS: u16 = 65;
+/// Visits in which a servo brakes, or turns round, after another order.
+const SETTLE_VISITS: u8 = 30;
 
 const MIDDLE: f32 = 2048.0;
 
@@ -110,6 +122,8 @@ struct Known {
     place: Option<Place>,
     /// The position that it holds, steps.
     goal: Option<i16>,
+    /// Steps from its target, at the nearest since it set off.
+    nearest: u16,
     progress: Progress,
     /// Visits since it was done.
     visits: u8,
@@ -117,6 +131,10 @@ struct Known {
     is_driven: bool,
     /// It did not answer when it was visited last.
     is_silent: bool,
+    /// Visits until it has braked.
+    settling: u8,
+    /// What its last answer breached.
+    breach: Option<ServoBreach>,
 }
 
 impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
@@ -143,11 +161,13 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
             let Some((index, joint)) = self.next_visit(&mut waiting, &shared.joints()) else { break };
             let Some(joint) = joint else {
                 self.note(index, |known| *known = Known::default());
+                shared.set_servo_breach(index, None);
                 continue;
             };
             match self.visit(index, &joint.limit, shared).await {
                 Ok(seen) => shared.see_servo(index, seen),
                 Err(_) => {
+                    shared.set_servo_breach(index, None);
                     shared.note_unanswered();
                     self.settle().await;
                 }
@@ -201,8 +221,10 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
                 return Err(error);
             }
         };
+        let breach = self.known.get_mut(index).and_then(|known| known.judge(limit, before, &sample));
         self.note(index, |known| (known.place, known.is_silent) = (Some(sample.place), false));
         let seen = sample.seen();
+        shared.set_servo_breach(index, breach);
         if shared.servo_seen(index).answered.is_none() {
             // What is written next may drive it although its answer is lost: from now on its silence counts.
             shared.see_servo(index, seen);
@@ -258,7 +280,7 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
         let steps = known.goal.filter(is_kept).unwrap_or_else(|| place_to_hold(&sample, limit));
         self.note(index, |known| {
             known.place = Some(sample.place);
-            (known.goal, known.progress) = (Some(steps), Progress::Written);
+            (known.goal, known.progress, known.settling) = (Some(steps), Progress::Written, SETTLE_VISITS);
         });
         let [_, values @ ..] = goal_registers(steps, limit);
         self.write(limit.id, ACCELERATION, &values).await
@@ -367,6 +389,7 @@ impl Known {
     /// A position that is held stays the goal all the same: where the load has bent it to is no new one.
     fn miss(&mut self, is_silent: bool) {
         (self.place, self.is_driven, self.visits, self.is_silent) = (None, false, REWRITE_VISITS, is_silent);
+        self.breach = None;
     }
 
     /// Begins another action, or continues the same one.
@@ -374,8 +397,50 @@ impl Known {
         if self.action != Some(action) {
             // One that goes has no position that it holds.
             (self.action, self.progress, self.goal) = (Some(action), Progress::Due, None);
+            self.settling = SETTLE_VISITS;
         }
         self.visits = self.visits.saturating_add(1);
+    }
+
+    /// What it does that its profile does not allow, in this visit and the one before: a single answer may be damaged. `before` is where it was
+    /// then.
+    fn judge(&mut self, limit: &ServoWiring, before: Option<Place>, sample: &Sample) -> Option<ServoBreach> {
+        self.settling = self.settling.saturating_sub(1);
+        let (breach, last) = (self.breach(limit, before, sample), self.breach);
+        self.breach = breach;
+        breach.filter(|_| last == breach)
+    }
+
+    fn breach(&mut self, limit: &ServoWiring, before: Option<Place>, sample: &Sample) -> Option<ServoBreach> {
+        let range = limit.min_rad - RANGE_MARGIN_RAD..=limit.max_rad + RANGE_MARGIN_RAD;
+        let allowed = place::limit_steps_s(limit);
+        let is_farther =
+            |before: Place| before.distance(sample) > place::NOISE_STEPS + allowed * before.elapsed_s(sample);
+        let reports_speed = f32::from(sample.place.speed) > allowed + REPORT_STEPS_S;
+        if !range.contains(&place::angle_rad(place::register(sample.place.steps))) {
+            Some(ServoBreach::Range)
+        } else if reports_speed || before.is_some_and(is_farther) {
+            Some(ServoBreach::Speed)
+        } else if self.has_strayed(limit, sample.place.steps) {
+            Some(ServoBreach::Moved)
+        } else {
+            None
+        }
+    }
+
+    /// Whether it leaves what it holds, or its target. One without torque may be moved by hand.
+    fn has_strayed(&mut self, limit: &ServoWiring, at: i16) -> bool {
+        match self.action {
+            Some(ServoAction::Go(target)) => {
+                let distance = at.abs_diff(steps(target.angle_rad.clamp(limit.min_rad, limit.max_rad)) as i16);
+                self.nearest = if self.settling > 0 { distance } else { self.nearest.min(distance) };
+                distance > self.nearest.saturating_add(STRAY_STEPS)
+            }
+            Some(ServoAction::Hold) => {
+                self.settling == 0 && self.goal.is_some_and(|goal| goal.abs_diff(at) > STRAY_STEPS)
+            }
+            Some(ServoAction::Release) | None => false,
+        }
     }
 
     fn is_done(&mut self, is_driven: bool) {

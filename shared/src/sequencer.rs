@@ -33,7 +33,7 @@ use crate::units::{Micros, Word};
 use coils::Coils;
 pub use command::{Command, CommandError};
 pub use fault::{Fault, FaultKind};
-pub use io::{EnableLevel, FarEnd, Outputs, Seen, ServoAction, ServoSeen, ServoTarget};
+pub use io::{EnableLevel, FarEnd, Outputs, Seen, ServoAction, ServoBreach, ServoSeen, ServoTarget};
 pub use phase::{Event, Phase};
 use servos::{APPROACH_SPEED, APPROACH_TOLERANCE_RAD, check_servo, is_silent};
 use switches::Switches;
@@ -257,6 +257,7 @@ impl<'t> Sequencer<'t> {
             return Err(FaultKind::EmergencyStop);
         }
         self.look_at_chain(seen)?;
+        self.look_at_breaches(seen)?;
         let Some(table) = self.table.as_deref() else {
             return Ok(());
         };

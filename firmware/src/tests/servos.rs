@@ -1,6 +1,6 @@
 //! Servos move only when they are commanded: no table and no calibration moves one.
 
-use darm_core::sequencer::{Command, Phase, ServoAction, ServoSeen, ServoTarget};
+use darm_core::sequencer::{Command, FaultKind, Phase, ServoAction, ServoBreach, ServoSeen, ServoTarget};
 use darm_core::units::Micros;
 use darm_core::wire::message::{Answer, CHUNK, Calibration, Image, Refusal, Request};
 
@@ -120,4 +120,26 @@ fn no_flash_is_written_before_an_order_to_hold_of_a_late_tick() {
         let waited_us = bench.clock.0.get() - before_us;
         assert!((150_000..220_000).contains(&waited_us), "{late_ms} ms late: {waited_us} us");
     }
+}
+
+/// What the bus finds latches the safe state with the next tick, and again after `clear` as long as it lasts.
+#[test]
+fn a_servo_that_moves_unasked_while_nothing_runs_latches_the_safe_state() {
+    let bench = with_servo(0.0);
+    let phase = || bench.status().phase;
+    bench.shared.set_servo_breach(0, Some(ServoBreach::Moved));
+    bench.tick();
+    for _ in 0..2 {
+        assert!(
+            matches!(phase(), Phase::Safe(fault) if fault.kind == FaultKind::ServoMoved { servo: 0 }),
+            "{:?}",
+            phase()
+        );
+        bench.command(Command::Clear).unwrap();
+        bench.pass_ms(2);
+    }
+    bench.shared.set_servo_breach(0, None);
+    bench.command(Command::Clear).unwrap();
+    bench.pass_ms(2);
+    assert_eq!(phase(), Phase::Idle);
 }

@@ -166,7 +166,9 @@ pub fn of_fault(fault: &FaultKind) -> Place {
         | FaultKind::ServoSilent { servo }
         | FaultKind::ServoError { servo, .. }
         | FaultKind::ServoTorque { servo, .. }
-        | FaultKind::ServoRange { servo, .. } => Place { servo: Some(servo), ..Place::default() },
+        | FaultKind::ServoRange { servo, .. }
+        | FaultKind::ServoSpeed { servo }
+        | FaultKind::ServoMoved { servo } => Place { servo: Some(servo), ..Place::default() },
         FaultKind::TooManyCoils
         | FaultKind::EmergencyStop
         | FaultKind::Chain

@@ -87,6 +87,16 @@ pub enum FaultKind {
         /// Chips that were counted, 0 where the far end does not answer.
         counted: u8,
     },
+    /// A servo turned faster than it may.
+    ServoSpeed {
+        /// Index of the servo joint.
+        servo: u8,
+    },
+    /// A servo left the angle that it was to hold, or its target.
+    ServoMoved {
+        /// Index of the servo joint.
+        servo: u8,
+    },
 }
 
 impl fmt::Display for Fault {
@@ -122,6 +132,10 @@ impl fmt::Display for FaultKind {
             }
             Self::ServoRange { servo, angle_rad } => {
                 write!(f, "servo {servo} was seen out of its range at {:.1} deg", angle_rad.to_degrees())
+            }
+            Self::ServoSpeed { servo } => write!(f, "servo {servo} turned faster than its profile allows"),
+            Self::ServoMoved { servo } => {
+                write!(f, "servo {servo} left the angle that it was to hold, or its target; look for what pushes it")
             }
             Self::EmergencyStop => f.write_str("the emergency stop was pressed"),
             Self::Chain => f.write_str("the output chain does not return what was shifted into it; check its wiring"),

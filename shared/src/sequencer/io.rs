@@ -12,6 +12,8 @@ pub struct Seen {
     pub switches: u32,
     /// What each servo answered last.
     pub servos: [ServoSeen; MAX_SERVOS],
+    /// What each servo does that its profile does not allow, whatever it is to do.
+    pub servo_breaches: [Option<ServoBreach>; MAX_SERVOS],
     /// The output chain does not return what was shifted into it, or does not bring it to the latch.
     pub chain_broken: bool,
     /// The level at which output enable stays although the board drives the other one.
@@ -54,6 +56,17 @@ pub struct ServoSeen {
     pub error: u8,
     /// When this answer was requested; `None` before the first one.
     pub answered: Option<Micros>,
+}
+
+/// What a servo does that its profile does not allow, as several of its answers say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ServoBreach {
+    /// Its shaft is out of the range.
+    Range,
+    /// It turns faster than it may.
+    Speed,
+    /// It has torque and leaves the angle that it is to hold, or its target.
+    Moved,
 }
 
 /// What the board drives until the next tick.

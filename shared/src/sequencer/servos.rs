@@ -1,6 +1,6 @@
 //! The servos: what they are sent, what each must answer, and which commands they allow.
 
-use super::{CommandError, FaultKind, LATE, Phase, Seen, Sequencer, ServoAction, ServoSeen, ServoTarget};
+use super::{CommandError, FaultKind, LATE, Phase, Seen, Sequencer, ServoAction, ServoBreach, ServoSeen, ServoTarget};
 use crate::output::{MAX_SERVOS, ServoWiring};
 use crate::profile::Fallback;
 use crate::units::Micros;
@@ -91,6 +91,21 @@ impl Sequencer<'_> {
             Some(index) => Err(CommandError::ServoSilent { servo: index as u8 }),
             None => Ok(()),
         }
+    }
+
+    /// What servos do that their profile does not allow, in every state and without a table: who moves one that holds, or has none,
+    /// is not the program.
+    pub(super) fn look_at_breaches(&self, seen: &Seen) -> Result<(), FaultKind> {
+        let Some(index) = seen.servo_breaches.iter().position(Option::is_some) else { return Ok(()) };
+        let servo = index as u8;
+        let shaft_rad = seen.servos.get(index).map_or(0.0, |seen| seen.angle_rad);
+        Err(match seen.servo_breaches.get(index).copied().flatten() {
+            Some(ServoBreach::Speed) => FaultKind::ServoSpeed { servo },
+            Some(ServoBreach::Moved) => FaultKind::ServoMoved { servo },
+            Some(ServoBreach::Range) | None => {
+                FaultKind::ServoRange { servo, angle_rad: shaft_rad - self.offset_rad(index) }
+            }
+        })
     }
 
     pub(super) fn turn_servo(&mut self, servo: u8, angle_rad: f32) -> Result<(), CommandError> {

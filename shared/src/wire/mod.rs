@@ -42,4 +42,4 @@ pub mod message;
 ///
 /// Whatever changes the bytes of a message raises it, a new variant of a fault too: a host that does not know one cannot read the
 /// status of the board.
-pub const PROTOCOL: u16 = 4;
+pub const PROTOCOL: u16 = 5;

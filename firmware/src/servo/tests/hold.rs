@@ -319,3 +319,62 @@ fn an_answer_of_another_length_or_another_servo_is_none() {
         assert_eq!(fake.writes.get(), 0);
     }
 }
+
+/// What the bus finds in visits each 10 ms, in which `advance` says where the servo is.
+fn breaches(action: Option<Joint>, torque: u8, visits: u16, advance: impl Fn(u16) -> u16) -> Vec<Option<ServoBreach>> {
+    let (fake, shared, clock) = (Fake::new(), Shared::new(), HandClock::default());
+    fake.registers.borrow_mut()[40] = torque;
+    shared.set_joints([action, None, None, None]);
+    let mut bus = Bus::new(&fake, &fake, &clock);
+    let mut found = Vec::new();
+    let visits = async {
+        for visit in 0..visits {
+            stand_at(&fake, advance(visit));
+            bus.visit_all(&shared).await;
+            found.push(shared.servo_breaches()[0]);
+            clock.0.set(CYCLE.0 * (1 + u64::from(visit)));
+        }
+    };
+    run(visits, || clock.0.set(clock.0.get() + 100));
+    found
+}
+
+/// A step in each visit, as something pushes it that is stronger than it is.
+#[test]
+fn a_servo_that_moves_in_hold_without_being_asked_is_found() {
+    let hold = doing(ServoAction::Hold);
+    let pushed = |visit: u16| 2000 + visit;
+    assert_eq!(breaches(hold, 1, 100, pushed)[99], Some(ServoBreach::Moved));
+    assert_eq!(breaches(hold, 1, 60, pushed), [None; 60], "the load bends it");
+    assert_eq!(breaches(hold, 0, 200, pushed), [None; 200], "without torque a hand moves it");
+    assert_eq!(breaches(doing(ServoAction::Release), 1, 200, pushed), [None; 200]);
+}
+
+#[test]
+fn a_servo_that_leaves_its_target_is_found() {
+    let target = steps(0.5);
+    let found = breaches(joint(0.5), 1, 300, |visit| target - 400 + 2 * visit.min(200));
+    assert_eq!(found, [None; 300], "it goes there");
+    let found = breaches(joint(0.5), 1, 300, |visit| target - 400 + 2 * visit.min(400 - visit));
+    assert_eq!((found[230], found[299]), (None, Some(ServoBreach::Moved)));
+}
+
+#[test]
+fn range_and_speed_are_watched_whatever_a_servo_is_to_do() {
+    // The profile has 1303 steps/s, 13 in 10 ms.
+    let actions = [joint(0.0), doing(ServoAction::Hold), doing(ServoAction::Release)];
+    for (action, torque) in actions.into_iter().flat_map(|action| [(action, 0), (action, 1)]) {
+        let outside = breaches(action, torque, 2, |_| steps(1.0) + 20);
+        assert_eq!(outside, [None, Some(ServoBreach::Range)], "from the start on");
+        let fast = breaches(action, torque, 12, |visit| 1500 + 30 * visit);
+        assert_eq!(fast[..3], [None, None, Some(ServoBreach::Speed)], "{action:?}");
+        assert_eq!(breaches(action, torque, 12, |visit| 1500 + 13 * visit)[11], None);
+    }
+}
+
+/// One damaged answer is not believed, and two in a row that agree are one visit.
+#[test]
+fn damaged_answers_of_one_visit_are_no_breach() {
+    let found = breaches(doing(ServoAction::Hold), 1, 60, |visit| if visit == 40 { 2000 + 0x400 } else { 2000 });
+    assert_eq!(found, [None; 60]);
+}

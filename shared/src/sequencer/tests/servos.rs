@@ -3,7 +3,7 @@
 use super::{Bench, end, start, two_valves, word};
 use crate::output::ServoWiring;
 use crate::profile::Fallback;
-use crate::sequencer::{Command, CommandError, FaultKind, Phase, ServoAction, ServoSeen};
+use crate::sequencer::{Command, CommandError, FaultKind, Phase, ServoAction, ServoBreach, ServoSeen};
 use crate::table::{Record, Row};
 use crate::units::{Micros, Word};
 
@@ -152,4 +152,43 @@ fn a_servo_moves_until_it_is_near_its_target() {
     bench.answer(0.6);
     bench.command(Command::Stop).unwrap();
     assert!(!bench.sequencer.has_moving_servo(&bench.seen));
+}
+
+/// Whatever it is to do: idle, by hand, in a program and after a stop.
+#[test]
+fn what_a_servo_does_that_nobody_allowed_is_a_fault_in_every_state() {
+    type Reach = fn(&mut Bench);
+    let states: [Reach; 4] = [
+        |_| {},
+        |bench| bench.command(Command::Servo { servo: 0, angle_rad: 0.5 }).unwrap(),
+        |bench| bench.command(Command::Play).unwrap(),
+        |bench| {
+            bench.command(Command::Play).unwrap();
+            bench.servo(0.5).run(5).command(Command::Stop).unwrap();
+        },
+    ];
+    let faults = [
+        (ServoBreach::Range, FaultKind::ServoRange { servo: 0, angle_rad: 0.5 }),
+        (ServoBreach::Speed, FaultKind::ServoSpeed { servo: 0 }),
+        (ServoBreach::Moved, FaultKind::ServoMoved { servo: 0 }),
+    ];
+    for reach in states {
+        for (breach, fault) in faults {
+            let mut bench = servo_arm();
+            bench.servo(0.5).run(2);
+            reach(&mut bench);
+            assert_eq!(bench.servo(0.5).run(2).fault(), None);
+            bench.seen.servo_breaches[0] = Some(breach);
+            assert_eq!(bench.servo(0.5).run(1).fault(), Some(fault));
+            assert_eq!(bench.outputs.servos[0], ServoAction::Hold);
+        }
+    }
+}
+
+#[test]
+fn without_a_table_a_servo_out_of_its_range_is_a_fault_too() {
+    let mut bench = servo_arm();
+    assert!(bench.sequencer.unload().is_some());
+    bench.servo(1.5).seen.servo_breaches[0] = Some(ServoBreach::Range);
+    assert_eq!(bench.run(1).fault(), Some(FaultKind::ServoRange { servo: 0, angle_rad: 1.5 }));
 }
