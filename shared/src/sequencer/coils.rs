@@ -4,7 +4,7 @@
 //! that end, and some [meters](meters) in turn, also those of outputs that no table uses.
 
 mod manual;
-mod meters;
+pub(crate) mod meters;
 mod output;
 
 use super::FaultKind;
@@ -209,18 +209,19 @@ impl<'t> Coils<'t> {
     }
 
     /// Sets the latches of unknown state as a word says, no more at once than the supply can feed. True when they are
-    /// set, the supply is ready for as many coils as it can ever feed, and every coil may have a peak again.
+    /// set, the supply is ready for as many coils as it can ever feed, every coil may have a peak again, and all that has flowed
+    /// is counted, as it is before each pulse too.
     pub(super) fn set_latches(&mut self, now: Micros, word: Word) -> Result<bool, FaultKind> {
         self.ask(word);
-        self.set_all(now, now, self.unknown)?;
+        self.set_all(now, now, self.unknown & !(self.uncounted | self.ending))?;
         let ready = self.switched.room(now, &self.supply) == self.supply.new_coils;
-        Ok(ready && now >= self.peaks_from && self.unknown | self.pulsing == 0)
+        Ok(ready && now >= self.peaks_from && self.unknown | self.pulsing == 0 && self.is_counted())
     }
 
     /// Lets time pass: ends peaks and pulses, and finds the coil that carries current for too long.
     pub(super) fn pass(&mut self, now: Micros) -> Result<(), FaultKind> {
         let ending = core::mem::take(&mut self.ending);
-        self.note_switched(now, ending, true);
+        self.note_switched(now, ending, true)?;
         self.count_in_turn(now)?;
         let mut ended = 0;
         for (index, bit) in Bits::of(self.pulsing | self.peaking) {
@@ -230,7 +231,7 @@ impl<'t> Coils<'t> {
             }
         }
         // After its peak a coil holds: current flows on. That of a latch ends.
-        self.note_switched(now, ended & self.pulsing, true);
+        self.note_switched(now, ended & self.pulsing, true)?;
         self.pulsing &= !ended;
         self.peaking &= !ended;
         self.show(ended);
@@ -287,8 +288,8 @@ impl<'t> Coils<'t> {
         self.pulsing |= self.latches & coils;
         self.peaking = self.peaking & !coils | self.peaks & on;
         let fed_now = self.fed();
-        self.note_switched(now, fed & !fed_now, true);
-        self.note_switched(now, fed_now & !fed, false);
+        self.note_switched(now, fed & !fed_now, true)?;
+        self.note_switched(now, fed_now & !fed, false)?;
         for (index, _) in Bits::of(coils & (self.pulsing | self.peaking)) {
             if let Some(output) = self.outputs.get_mut(index) {
                 if now < output.peak_from {

@@ -13,6 +13,7 @@ use crate::profile::Profile;
 use crate::table::{Board, Record, Row, Table, wiring};
 use crate::units::{Digest, Micros, ModelHash, Word};
 
+mod accepted;
 mod by_hand;
 mod limits;
 mod meters;

@@ -6,6 +6,7 @@ use super::{Board, Record, Row};
 use crate::duty::{Breach, DutyMeter, LATENESS, MeterLimit};
 use crate::output::{Drive, MAX_ACTUATORS, MAX_COILS, MAX_SERVOS, SwitchClock, SwitchLimit, Wiring, WiringError};
 use crate::profile::{Mismatch, Profile};
+use crate::sequencer::turn_ticks;
 use crate::units::{ActuatorId, Digest, Micros, ModelHash, Word};
 
 /// One row goes out in a tick, so rows are no nearer to each other.
@@ -33,6 +34,9 @@ pub struct Checker {
     pub(super) servo_span_rad: [(f32, f32); MAX_SERVOS],
     /// When each actuator switched last, in microseconds after the start.
     moved_us: [u64; MAX_ACTUATORS],
+    /// An actuator rests at least so long, ms, whatever its time of travel: the meters of all outputs have their turn, and a row
+    /// goes out behind a late one.
+    rest_ms: u8,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,6 +66,7 @@ impl Default for Checker {
             last: None,
             servo_span_rad: [NO_SPAN; MAX_SERVOS],
             moved_us: [0; MAX_ACTUATORS],
+            rest_ms: 0,
         }
     }
 }
@@ -129,7 +134,9 @@ impl Checker {
     }
 
     /// What differs is named before digests are compared.
-    fn check_wiring(&self, board: &Profile) -> Result<(), TableError> {
+    fn check_wiring(&mut self, board: &Profile) -> Result<(), TableError> {
+        let n_outputs = board.outputs.iter().rposition(Option::is_some).map_or(0, |last| last.saturating_add(1));
+        self.rest_ms = turn_ticks(n_outputs).saturating_add((LATENESS.0 / TICK.0) as u32) as u8;
         self.wiring.check().map_err(TableError::Wiring)?;
         board.check_wiring(&self.wiring).map_err(TableError::Profile)?;
         if self.profile == board.digest {
@@ -290,7 +297,7 @@ impl Checker {
             if row.word.digit(index) == before.digit(index) {
                 continue;
             }
-            let travel = Micros::from_millis(u32::from(actuator.travel_ms));
+            let travel = Micros::from_millis(u32::from(actuator.travel_ms.max(self.rest_ms.into())));
             let Some(moved_us) = self.moved_us.get_mut(index) else { continue };
             if *moved_us > 0 && row.at < Micros(*moved_us) + travel {
                 return Err(RowError::Travel { actuator: ActuatorId(index as u8) });

@@ -63,7 +63,7 @@ pub enum RowError {
         /// Its number.
         output: u8,
     },
-    /// The actuator would switch again before it can have reached its stop.
+    /// The actuator would switch again before it can have reached its stop, or before the meters of all outputs have had their turn.
     Travel {
         /// Which actuator.
         actuator: ActuatorId,
@@ -103,7 +103,11 @@ impl fmt::Display for RowError {
                 write!(f, "output {output} would be on, or have full current, for more than its share of the time")
             }
             Self::Travel { actuator } => {
-                write!(f, "actuator {} would switch again before it can have reached its stop", actuator.0)
+                let ActuatorId(actuator) = actuator;
+                write!(
+                    f,
+                    "actuator {actuator} would switch again before it can have reached its stop, or within some 10 ms"
+                )
             }
             Self::TooManyCoils => f.write_str("more coils would switch on at once than the supply can feed"),
         }

@@ -1,8 +1,8 @@
 //! The meters of the coils, which count in turn.
 //!
 //! When a coil switched is only noted: its meter counts in its turn what flowed before and after, so that no row makes a tick
-//! long. Two times are noted; where current begins or ends a third time before the meter's turn, the pause between two
-//! currents counts as current.
+//! long. Two times are noted; where current begins or ends a third time before the meter's turn, the meter counts at once. No
+//! program does that in time: each actuator [rests for a turn](turn_ticks), and the first row waits until all is counted.
 
 use super::{Coils, bit_of};
 use crate::duty::Breach;
@@ -14,6 +14,13 @@ use crate::units::Micros;
 pub(super) const METERS_A_TICK: usize = 6;
 /// Spans that they count at most: of a coil whose current begins and ends between two of its turns there are three.
 const SPANS_A_TICK: usize = 12;
+/// Spans of one meter, at most.
+const SPANS: usize = 3;
+
+/// Ticks in which each of so many meters has its turn, whatever has switched.
+pub(crate) const fn turn_ticks(n_outputs: usize) -> u32 {
+    n_outputs.div_ceil(SPANS_A_TICK / SPANS) as u32
+}
 
 impl Coils<'_> {
     /// Lets the next meters count.
@@ -24,7 +31,7 @@ impl Coils<'_> {
             let own = match (self.uncounted >> self.next & 1, self.uncounted_twice >> self.next & 1) {
                 (0, _) => 1,
                 (_, 0) => 2,
-                _ => 3,
+                _ => SPANS,
             };
             let Some(left) = spans.checked_sub(own) else { break };
             spans = left;
@@ -41,26 +48,24 @@ impl Coils<'_> {
     }
 
     /// Current begins or ends now in these coils, all of which were `fed` before, or none.
-    pub(super) fn note_switched(&mut self, now: Micros, coils: u64, fed: bool) {
+    pub(super) fn note_switched(&mut self, now: Micros, coils: u64, fed: bool) -> Result<(), FaultKind> {
         for (index, bit) in Bits::of(coils) {
+            if self.uncounted_twice & bit != 0 {
+                self.count(now, index, fed)?;
+            }
             let Some((output, between_us)) = self.outputs.get_mut(index).zip(self.between_us.get_mut(index)) else {
                 continue;
             };
             if self.uncounted & bit == 0 {
                 output.switched = now;
                 self.uncounted |= bit;
-            } else if self.uncounted_twice & bit == 0 {
+            } else {
                 // Its meter has its turn long before.
                 *between_us = u16::try_from((now - output.switched).0).unwrap_or(u16::MAX);
                 self.uncounted_twice |= bit;
-            } else {
-                // Fed before, off and on again: as if it had been fed all the time until now. Else as if from the first time on.
-                if fed {
-                    output.switched = now;
-                }
-                self.uncounted_twice &= !bit;
             }
         }
+        Ok(())
     }
 
     /// Lets the meter of one output, which is `fed` or not, count up to now.
