@@ -11,9 +11,9 @@
 //! | `Hold`    | the present position as the goal, at the profile's speed and torque, where the servo has torque |
 //! | `Release` | torque off                                                                                  |
 //!
-//! What a hold or a release has written is read back, and written again until the servo has it. No single answer decides: a
-//! position becomes a goal after two reads that agree with each other and with the one before, registers count as read
-//! when two answers in a row are the same.
+//! What a hold or a release has written is read back, and written again until the servo has it. No single answer decides: where a
+//! servo is, is a [vote](Bus::agree) of the reads and of the place before, and a position becomes a goal after one more read that
+//! agrees; registers count as read when two answers in a row are the same.
 //!
 //! Range, speed and motion are compared with the profile in each visit, whatever the servo is to do, and a breach that lasts for two
 //! visits goes to the control tick.
@@ -47,8 +47,10 @@ const QUIET: Micros = Micros::from_millis(2);
 /// What a servo does is written, or read back, again after this many visits even if it did not change: the servo may have lost
 /// power.
 const REWRITE_VISITS: u8 = 50;
-/// Reads of one visit until two, or three, in a row agree: three may be damaged.
+/// Reads of one visit until enough agree: three may be damaged.
 const MAX_READS: u8 = 6;
+/// Votes that make a place the one where a servo is. The place of the visit before has one less.
+const ENOUGH_VOTES: u8 = 3;
 /// A hold that starts again keeps its goal where the load has bent the servo by less than this, steps: 1.4°. A new goal each
 /// time would creep.
 const BENT_STEPS: u16 = 16;
@@ -120,8 +122,10 @@ struct Known {
     action: Option<ServoAction>,
     /// Where it was seen last; `None` when it has not answered since, or never.
     place: Option<Place>,
-    /// The position that it holds, steps.
+    /// The position that it is to hold, steps.
     goal: Option<i16>,
+    /// It has answered that it has this goal.
+    has_taken: bool,
     /// Steps from its target, at the nearest since it set off.
     nearest: u16,
     progress: Progress,
@@ -214,10 +218,10 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
     /// Reads first: what is written may depend on where the servo is.
     async fn visit(&mut self, index: usize, limit: &ServoWiring, shared: &Shared<'_>) -> Result<ServoSeen, BusError> {
         let before = self.known(index).place;
-        let sample = match self.agree(limit, before, 2).await {
+        let sample = match self.agree(limit, before).await {
             Ok(sample) => sample,
             Err(error) => {
-                self.note(index, |known| known.miss(error == BusError::Silent));
+                self.note(index, |known| known.miss(error));
                 return Err(error);
             }
         };
@@ -270,16 +274,20 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
                 return Ok(());
             }
             let has_goal = known.goal.is_some_and(|steps| keeps(&found, &goal_registers(steps, limit)));
+            self.note(index, |known| known.has_taken |= has_goal);
             if known.progress != Progress::Due && has_goal {
                 self.note(index, |known| known.is_done(true));
                 return Ok(());
             }
         }
-        let sample = self.agree(limit, Some(sample.place), 3).await?;
-        let is_kept = |goal: &i16| goal.abs_diff(sample.place.steps) <= BENT_STEPS;
+        let sample = self.agree(limit, Some(sample.place)).await?;
+        // No load bends a servo from a goal that it never had.
+        let has_taken = self.known(index).has_taken;
+        let is_kept = |goal: &i16| has_taken && goal.abs_diff(sample.place.steps) <= BENT_STEPS;
         let steps = known.goal.filter(is_kept).unwrap_or_else(|| place_to_hold(&sample, limit));
         self.note(index, |known| {
             known.place = Some(sample.place);
+            known.has_taken &= known.goal == Some(steps);
             (known.goal, known.progress, known.settling) = (Some(steps), Progress::Written, SETTLE_VISITS);
         });
         let [_, values @ ..] = goal_registers(steps, limit);
@@ -302,26 +310,28 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
         self.write(id, TORQUE_ENABLE, &[0]).await
     }
 
-    /// Reads where a servo is until `enough` reads in a row agree. `before` is the last of them that were read already, one less
-    /// than enough; where the next one does not agree with it the row begins again.
-    async fn agree(&mut self, limit: &ServoWiring, mut before: Option<Place>, enough: u8) -> Result<Sample, BusError> {
-        let mut in_a_row = enough.saturating_sub(1);
+    /// Reads where a servo is, by a vote. A read that the servo can have come to from the place so far counts for that place,
+    /// another one against it, and a place without votes gives way to what is read. `before`, where it was seen last, begins with
+    /// all votes but one: damaged answers that agree with each other have to outvote it, and what is new to it too.
+    async fn agree(&mut self, limit: &ServoWiring, before: Option<Place>) -> Result<Sample, BusError> {
+        let (mut place, mut votes) = (before, before.map_or(0, |_| ENOUGH_VOTES.saturating_sub(1)));
         for _ in 0..MAX_READS {
             // An answer may wait to be read while the flash lets nothing run: it is as old as its request.
             let asked = self.clock.now();
             let (values, error) = self.read(limit.id, PRESENT).await?;
             let mut sample = Sample::new(values, error, asked, self.clock.now());
-            match before.filter(|before| before.leads_to(&sample, limit)) {
-                Some(before) => {
-                    in_a_row = in_a_row.saturating_add(1);
-                    sample.before_steps = before.steps;
+            match place.filter(|place| place.leads_to(&sample, limit)) {
+                Some(last) => {
+                    votes = votes.saturating_add(1);
+                    sample.before_steps = last.steps;
+                    place = Some(sample.place);
+                    if votes >= ENOUGH_VOTES {
+                        return Ok(sample);
+                    }
                 }
-                None => in_a_row = 1,
+                None if votes > 0 => votes = votes.saturating_sub(1),
+                None => (place, votes) = (Some(sample.place), 1),
             }
-            if in_a_row >= enough {
-                return Ok(sample);
-            }
-            before = Some(sample.place);
         }
         Err(BusError::Doubtful)
     }
@@ -386,9 +396,13 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
 
 impl Known {
     /// It did not answer, or not clearly. Whether it does what was written last is not known: that is written again, or read back.
-    /// A position that is held stays the goal all the same: where the load has bent it to is no new one.
-    fn miss(&mut self, is_silent: bool) {
-        (self.place, self.is_driven, self.visits, self.is_silent) = (None, false, REWRITE_VISITS, is_silent);
+    /// A position that is held stays the goal all the same: where the load has bent it to is no new one. Answers that contradict
+    /// each other do not show where it is, and where it was limits where it can be; one that was silent may have been turned.
+    fn miss(&mut self, error: BusError) {
+        if error != BusError::Doubtful {
+            self.place = None;
+        }
+        (self.is_driven, self.visits, self.is_silent) = (false, REWRITE_VISITS, error == BusError::Silent);
         self.breach = None;
     }
 
@@ -396,7 +410,7 @@ impl Known {
     fn begin(&mut self, action: ServoAction) {
         if self.action != Some(action) {
             // One that goes has no position that it holds.
-            (self.action, self.progress, self.goal) = (Some(action), Progress::Due, None);
+            (self.action, self.progress, self.goal, self.has_taken) = (Some(action), Progress::Due, None, false);
             self.settling = SETTLE_VISITS;
         }
         self.visits = self.visits.saturating_add(1);

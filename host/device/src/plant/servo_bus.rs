@@ -355,18 +355,16 @@ fn scrambled(mut noise: u64) -> u64 {
     noise ^ noise << 17
 }
 
-/// Changes one bit of two bytes in opposite directions, where two differ in it: the sum of the packet stays.
+/// Changes one bit of two bytes in opposite directions, where two differ in it: the sum of the packet stays. Each such place is
+/// as likely as any other.
 fn damage(bytes: &mut [u8], noise: u64) {
-    let count = bytes.len().max(1);
-    for turn in 0..8 * count {
-        let at = (noise as usize >> 3).wrapping_add(turn);
-        let (first, bit) = (at / 8 % count, 1 << (at % 8));
-        let second = (first + 1..count).find(|second| (bytes[first] ^ bytes[*second]) & bit != 0);
-        if let Some(second) = second {
-            bytes[first] ^= bit;
-            bytes[second] ^= bit;
-            return;
-        }
+    let bytes_of_bit = |bit: u8| (0..bytes.len()).map(move |first| (first, bit));
+    let pairs = |(first, bit): (usize, u8)| (first + 1..bytes.len()).map(move |second| (first, second, bit));
+    let differs = |&(first, second, bit): &(usize, usize, u8)| (bytes[first] ^ bytes[second]) >> bit & 1 == 1;
+    let places: Vec<_> = (0..8).flat_map(bytes_of_bit).flat_map(pairs).filter(differs).collect();
+    if let Some(&(first, second, bit)) = places.get((noise >> 3) as usize % places.len().max(1)) {
+        bytes[first] ^= 1 << bit;
+        bytes[second] ^= 1 << bit;
     }
 }
 
