@@ -55,8 +55,6 @@ const fn decimal(text: &str) -> u8 {
 
 /// For this time copies of a change may still be on the line: a change whose number is older than the last one's is refused.
 const COPIES: Micros = Micros::from_millis(60_000);
-/// Connections whose `Hello` may still be on the line.
-const OLD_LINKS: usize = 8;
 
 /// What the dispatcher knows of the board when it opens.
 pub struct Board {
@@ -102,8 +100,8 @@ pub struct Dispatcher<'s, 't, F: NorFlash, C> {
     link: Option<u32>,
     /// How many stops there were when it was opened.
     link_stops: u32,
-    /// Connections before it: a late copy of their `Hello` opens none of them again.
-    old_links: [Option<u32>; OLD_LINKS],
+    /// Connections that were opened since the start.
+    openings: u32,
     last: Option<Answered>,
     /// Where the nearest word is sought.
     room: &'s mut NearestSearch,
@@ -151,7 +149,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
             bad_frames: 0,
             link: None,
             link_stops: 0,
-            old_links: [None; OLD_LINKS],
+            openings: 0,
             last: None,
             room,
             sought: None,
@@ -249,15 +247,19 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
     async fn request(&mut self, header: Header, bytes: &[u8]) -> Option<Payload> {
         let request = match postcard::take_from_bytes::<Request>(bytes) {
             Ok((request, [])) => request,
-            _ => return Some(self.reply(Err(Refusal::Unknown))),
+            _ => {
+                let other = message::hello_protocol(bytes).filter(|protocol| *protocol != PROTOCOL);
+                let refusal = other.map_or(Refusal::Unknown, |_| Refusal::Protocol { board: PROTOCOL });
+                return Some(self.reply(Err(refusal)));
+            }
         };
         // Of any connection and number.
         if message::is_stop(bytes) {
             self.stop_arm().await;
             return Some(self.reply(Ok(Answer::Done)));
         }
-        if let Request::Hello { protocol } = request {
-            let result = self.hello(header.link, protocol).await;
+        if let Request::Hello { protocol, challenge } = request {
+            let result = self.hello(header.link, protocol, challenge).await;
             return Some(self.reply(result));
         }
         if self.link != Some(header.link) {
@@ -309,17 +311,23 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
         self.reboot.take().filter(|_| !stopped || self.is_profile_new)
     }
 
+    /// What a `Hello` has to carry to open a connection: the number of the start, which the flash counts, and of the connections
+    /// and stops since. Each of these events makes another one, and no two ever have the same.
+    fn challenge(&self) -> u64 {
+        u64::from(self.boots) << 32 | u64::from(self.openings.wrapping_add(self.shared.stops()))
+    }
+
     /// A repeated `Hello` changes nothing: what its connection has done stays done once.
-    async fn hello(&mut self, link: u32, protocol: u16) -> Result<Answer, Refusal> {
+    async fn hello(&mut self, link: u32, protocol: u16, challenge: u64) -> Result<Answer, Refusal> {
         if protocol != PROTOCOL {
             return Err(Refusal::Protocol { board: PROTOCOL });
         }
         if self.link != Some(link) {
-            if self.old_links.contains(&Some(link)) {
-                return Err(Refusal::NotConnected);
+            let last = self.challenge();
+            if challenge != last {
+                return Err(Refusal::Challenge { challenge: last });
             }
-            self.old_links.rotate_right(1);
-            self.old_links[0] = self.link;
+            self.openings = self.openings.wrapping_add(1);
             self.link = Some(link);
             self.link_stops = self.stops;
             self.last = None;
@@ -351,6 +359,8 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
             Request::Commit(image) => self.commit(image).await,
             // A command may have been requested before a stop and come, or come again, after it.
             Request::Command(_) if self.is_stopped() => Err(Refusal::Command(CommandError::Stopped)),
+            // A start that could not be counted has the challenges of another one.
+            Request::Command(_) if self.boots == 0 => Err(Refusal::Storage),
             Request::Command(command) => self.command(command).await.map(|()| Answer::Done),
             Request::Calibrate(calibration) => self.calibrate(calibration).await,
             Request::Calibration => Ok(Answer::Calibration(self.calibration?)),

@@ -135,8 +135,18 @@ impl Bench {
         self.ask(Request::Command(command))
     }
 
+    /// Opens a connection as a client does, with the challenge that it is refused with first.
+    fn open(&self, link: u32, number: u16) -> Result<Answer, Refusal> {
+        let hello = |challenge| self.ask_as(link, number, Request::Hello { protocol: PROTOCOL, challenge }).unwrap();
+        match hello(0) {
+            Err(Refusal::Challenge { challenge }) => hello(challenge),
+            answer => answer,
+        }
+    }
+
     fn connect(&self) {
-        assert!(matches!(self.ask(Request::Hello { protocol: PROTOCOL }), Ok(Answer::Hello(_))));
+        self.number.set(self.number.get().wrapping_add(1));
+        assert!(matches!(self.open(LINK, self.number.get()), Ok(Answer::Hello(_))));
     }
 
     fn status(&self) -> Status {
@@ -241,7 +251,7 @@ fn a_change_runs_once() {
     assert_eq!(bench.ask_as(LINK, 1001, Request::Command(Command::Stop)), Some(Ok(Answer::Done)));
     assert_eq!(bench.ask_as(LINK, 1000, play), Some(Ok(Answer::Done)), "the answer is kept");
     assert_eq!(bench.ask_as(LINK, 1001, Request::Command(Command::Stop)), Some(Ok(Answer::Done)));
-    bench.ask_as(LINK, 900, Request::Hello { protocol: PROTOCOL });
+    assert!(bench.open(LINK, 900).is_ok());
     assert_eq!(bench.ask_as(LINK, 1000, play), Some(Ok(Answer::Done)), "the answer is kept");
     assert_eq!(bench.ask_as(LINK, 1002, play), Some(Err(Refusal::Command(CommandError::Stopped))));
     assert_eq!(bench.status().phase, Phase::Idle);
@@ -254,7 +264,7 @@ fn a_change_whose_number_has_gone_half_round_is_refused_and_a_new_connection_hel
     let (clear, late) = (Request::Command(Command::Clear), 100u16.wrapping_add(33_000));
     assert_eq!(bench.ask_as(LINK, 100, clear), Some(Ok(Answer::Done)));
     assert_eq!(bench.ask_as(LINK, late, clear), Some(Err(Refusal::NotConnected)));
-    assert!(bench.ask_as(9, late, Request::Hello { protocol: PROTOCOL }).unwrap().is_ok());
+    assert!(bench.open(9, late).is_ok());
     assert_eq!(bench.ask_as(9, late.wrapping_add(1), clear), Some(Ok(Answer::Done)));
 }
 
@@ -264,12 +274,23 @@ fn only_the_host_that_connected_last_is_heard() {
     let stop = Request::Command(Command::Stop);
     let clear = Request::Command(Command::Clear);
     assert_eq!(bench.ask_as(1, 1, clear), Some(Err(Refusal::NotConnected)));
-    assert!(bench.ask_as(1, 2, Request::Hello { protocol: PROTOCOL }).unwrap().is_ok());
+    assert!(bench.open(1, 2).is_ok());
     assert_eq!(bench.ask_as(1, 3, clear), Some(Ok(Answer::Done)));
     assert_eq!(bench.ask(clear), Err(Refusal::NotConnected));
     assert_eq!(bench.ask(stop), Ok(Answer::Done), "a stop is never refused");
-    let other = bench.ask_as(5, 4, Request::Hello { protocol: PROTOCOL + 1 });
+    let other = bench.ask_as(5, 4, Request::Hello { protocol: PROTOCOL + 1, challenge: 0 });
     assert_eq!(other, Some(Err(Refusal::Protocol { board: PROTOCOL })));
+}
+
+/// `Hello` of protocol version 4: request 0, version 4, nothing more.
+#[test]
+fn a_host_of_another_version_learns_that_of_the_board_whatever_its_hello_carries() {
+    let bench = loaded();
+    for payload in [&[0, 4][..], &[0, 6, 1, 2, 3]] {
+        let answer = bench.send(Header { tag: REQUEST, link: 5, number: 4 }, payload).unwrap();
+        let refused = Err(Refusal::Protocol { board: PROTOCOL });
+        assert_eq!(postcard::from_bytes::<Reply>(&answer).unwrap().result, refused);
+    }
 }
 
 #[test]
@@ -282,7 +303,7 @@ fn nothing_is_stored_while_a_program_runs() {
     assert_eq!(bench.ask(Request::Calibrate(calibration)), Err(Refusal::Busy));
     bench.command(Command::Stop).unwrap();
     let ask = |number, request| bench.ask_as(LINK + 1, number, request).unwrap();
-    assert!(ask(0, Request::Hello { protocol: PROTOCOL }).is_ok());
+    assert!(bench.open(LINK + 1, 0).is_ok());
     assert_eq!(ask(2, Request::Calibrate(calibration)), Ok(Answer::Done));
     assert_eq!(ask(3, Request::Calibration), Ok(Answer::Calibration(Some(calibration))));
 }
@@ -394,7 +415,7 @@ fn nobody_restarts_a_board_whose_program_runs() {
 }
 
 fn hello(bench: &Bench) -> Hello {
-    match bench.ask(Request::Hello { protocol: PROTOCOL }) {
+    match bench.open(LINK, 1) {
         Ok(Answer::Hello(hello)) => hello,
         other => panic!("{other:?}"),
     }

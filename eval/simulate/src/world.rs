@@ -29,7 +29,8 @@ use crate::trace::Trace;
 
 use disturbances::Active;
 pub use plug::{Plug, enter, leave, pass, with};
-pub use senders::Party;
+use senders::Caller;
+pub use senders::{Opened, Party};
 
 /// No run lasts longer: whoever still waits finds the line closed.
 const MAX_NS: u64 = 600_000_000_000;
@@ -76,9 +77,12 @@ pub struct World {
     /// When a stop came behind a command, or commands of before a stop after it, and until when nothing may act, ns, while
     /// nobody has sent anything since.
     quiet_ns: Option<(u64, u64)>,
-    /// Connections that were opened since the start of the board, and when that arrived first.
-    links: Vec<(u32, u64)>,
-    /// Connections that were opened before this time have ended by a stop.
+    /// Connections that were opened.
+    links: Vec<Opened>,
+    /// Callers that wait for a challenge, and the bytes of the board since its last zero.
+    callers: Vec<Caller>,
+    reply: Vec<u8>,
+    /// Connections that were opened before this time have ended by a stop or a start.
     ended_ns: u64,
     /// When somebody asked last for the safe state to be left.
     cleared_ns: u64,
@@ -145,6 +149,8 @@ impl World {
             second: None,
             quiet_ns: None,
             links: Vec::new(),
+            callers: Vec::new(),
+            reply: Vec::new(),
             ended_ns: 0,
             cleared_ns: 0,
             has_own_table: false,
@@ -276,7 +282,9 @@ impl World {
             if let Some(second) = &mut self.second {
                 second.hear(received.iter().copied());
             }
-            self.inbox.extend(self.bench.received().drain(..));
+            let received: Vec<u8> = self.bench.received().drain(..).collect();
+            self.inbox.extend(&received);
+            self.hear_challenges(&received);
         }
         if let Some(mut second) = self.second.take() {
             second.step(self);
@@ -342,7 +350,7 @@ impl World {
         self.pins.on_start(now_ns, power_was_off);
         self.servos.on_start(now_ns);
         self.person.on_start(now_ns);
-        self.links.clear();
+        self.ended_ns = self.ended_ns.max(now_ns);
         self.pressed_ticks = -START_TICKS;
     }
 

@@ -2,7 +2,6 @@
 
 use darm_core::sequencer::Command;
 use darm_core::units::{Micros, Word};
-use darm_core::wire::PROTOCOL;
 use darm_core::wire::frame::{self, Header, MAX_FRAME, MAX_PAYLOAD};
 use darm_core::wire::message::{Answer, CHUNK, Calibration, REQUEST, Refusal, Request, Status};
 
@@ -51,7 +50,7 @@ fn any_frame(random: &mut Random) -> Vec<u8> {
         Request::Command(Command::Coil { coil: random.below(9) as u8, on_ms: 10 }),
         Request::Calibration,
         Request::Nearest(along(random.below(9) as f32, f32::from_bits(random.below(1 << 32) as u32))),
-        Request::Hello { protocol: random.below(4) as u16 },
+        Request::Hello { protocol: random.below(8) as u16, challenge: random.below(3) as u64 },
         Request::Begin(profile_image(&profile()).0),
         Request::Commit(profile_image(&profile()).0),
         Request::Outputs { from: random.below(256) as u8 },
@@ -151,7 +150,7 @@ fn noise_frames_and_lines_do_not_panic() {
     }
     feed(&bench, &mut port, b"\0\0");
     bench.pass_ms(200);
-    assert!(bench.ask_as(5, 1, Request::Hello { protocol: PROTOCOL }).unwrap().is_ok());
+    assert!(bench.open(5, 1).is_ok());
     assert_eq!(bench.ask_as(5, 2, Request::Command(Command::Stop)), Some(Ok(Answer::Done)));
     println!("FIGURE random and mutated frames and lines without a panic = {} pieces", rounds());
 }
@@ -161,7 +160,7 @@ fn noise_frames_and_lines_do_not_panic() {
 fn another_change_with_the_number_of_the_last_one_is_not_answered_as_done() {
     let bench = loaded();
     let ask = |number, command| bench.ask_as(5, number, Request::Command(command)).unwrap();
-    assert!(bench.ask_as(5, 0, Request::Hello { protocol: PROTOCOL }).unwrap().is_ok());
+    assert!(bench.open(5, 0).is_ok());
     assert_eq!([ask(3, Command::Play), ask(3, Command::Play)], [Ok(Answer::Done), Ok(Answer::Done)]);
     for number in [3, 2] {
         assert_eq!(ask(number, Command::Clear), Err(Refusal::NotConnected));

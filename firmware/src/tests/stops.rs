@@ -45,7 +45,7 @@ fn a_command_is_not_taken_on_a_connection_that_is_older_than_a_stop() {
     assert_eq!(bench.command(Command::Coil { coil: 0, on_ms: 10 }), STOPPED, "a late copy of the same `Hello`");
     assert_eq!(bench.command(Command::Stop), Ok(Answer::Done));
     let later = LINK + 1;
-    assert!(bench.ask_as(later, 1, Request::Hello { protocol: PROTOCOL }).unwrap().is_ok());
+    assert!(bench.open(later, 1).is_ok());
     assert_eq!(bench.ask_as(later, 2, Request::Command(Command::Play)), Some(Ok(Answer::Done)));
 }
 
@@ -54,9 +54,52 @@ fn a_late_hello_does_not_open_a_connection_again() {
     let bench = loaded();
     bench.shared.stop();
     bench.pass_ms(2);
-    assert!(bench.ask_as(5, 1, Request::Hello { protocol: PROTOCOL }).unwrap().is_ok());
-    assert_eq!(bench.ask(Request::Hello { protocol: PROTOCOL }), Err(Refusal::NotConnected));
+    assert!(bench.open(5, 1).is_ok());
+    assert!(is_challenged(bench.ask(Request::Hello { protocol: PROTOCOL, challenge: 1 << 32 })));
     assert_eq!(bench.command(Command::Coil { coil: 0, on_ms: 10 }), Err(Refusal::NotConnected));
+}
+
+fn is_challenged(answer: Result<Answer, Refusal>) -> bool {
+    matches!(answer, Err(Refusal::Challenge { .. }))
+}
+
+/// A copy of a `Hello` may wait on the line for any time: behind other connections, stops and starts.
+#[test]
+fn no_copy_of_a_hello_opens_a_connection_after_another_one_a_stop_or_a_start() {
+    let bench = loaded();
+    let challenge = |bench: &Bench| match bench.ask_as(1, 1, Request::Hello { protocol: PROTOCOL, challenge: 0 }) {
+        Some(Err(Refusal::Challenge { challenge })) => challenge,
+        other => panic!("{other:?}"),
+    };
+    let hello = |challenge| Request::Hello { protocol: PROTOCOL, challenge };
+    let assert_late = |bench: &Bench, copies: &[(u32, u64)]| {
+        for &(link, challenge) in copies {
+            assert!(is_challenged(bench.ask_as(link, 1, hello(challenge)).unwrap()), "{link}");
+            let command = Request::Command(Command::Coil { coil: 0, on_ms: 10 });
+            assert_eq!(bench.ask_as(link, 2, command), Some(Err(Refusal::NotConnected)));
+        }
+    };
+    let mut copies = vec![];
+    for link in 100..130 {
+        let challenge = challenge(&bench);
+        assert!(matches!(bench.ask_as(link, 1, hello(challenge)), Some(Ok(Answer::Hello(_)))));
+        assert_late(&bench, &copies);
+        copies.push((link, challenge));
+    }
+    bench.shared.stop();
+    assert!(bench.open(200, 1).is_ok());
+    assert_late(&bench, &copies);
+    assert_late(&Bench::new(bench.cells), &copies);
+}
+
+/// Between the question for the challenge and the `Hello` that carries it.
+#[test]
+fn a_stop_ends_a_challenge() {
+    let bench = loaded();
+    let ask = |challenge| bench.ask_as(5, 1, Request::Hello { protocol: PROTOCOL, challenge }).unwrap();
+    let Err(Refusal::Challenge { challenge }) = ask(0) else { panic!("a challenge") };
+    bench.shared.stop();
+    assert!(is_challenged(ask(challenge)));
 }
 
 #[test]

@@ -55,6 +55,8 @@ pub enum Request<'a> {
     Hello {
         /// Version that the host speaks.
         protocol: u16,
+        /// The board's last [challenge](Refusal::Challenge); 0 by a host that does not know it.
+        challenge: u64,
     },
     /// What do you do now?
     Status,
@@ -110,6 +112,14 @@ impl Request<'_> {
     /// True of requests that may run as often as they come.
     pub const fn is_repeatable(&self) -> bool {
         !matches!(self, Self::Commit(_) | Self::Command(_) | Self::Calibrate(_))
+    }
+}
+
+/// The protocol version of a host that says `Hello`, of any version: what follows may differ.
+pub fn hello_protocol(payload: &[u8]) -> Option<u16> {
+    match postcard::take_from_bytes::<(u32, u16)>(payload) {
+        Ok(((0, protocol), _)) => Some(protocol),
+        _ => None,
     }
 }
 
@@ -351,6 +361,12 @@ pub enum Refusal {
     NoPose,
     /// The stored zero offsets of the servos cannot be read: no table with servos is loaded until they are stored again.
     NoCalibration,
+    /// A connection is opened only by a `Hello` that carries the board's last challenge. There is another one after each
+    /// connection, stop and start, so no copy of an earlier `Hello` opens one.
+    Challenge {
+        /// The challenge.
+        challenge: u64,
+    },
 }
 
 impl fmt::Display for Refusal {
@@ -387,6 +403,9 @@ impl fmt::Display for Refusal {
                 f.write_str("the table has no frames of modules; make it with darm table --nearest, upload it")
             }
             Self::NoCalibration => f.write_str("the zero offsets of the servos cannot be read; calibrate them again"),
+            Self::Challenge { .. } => {
+                f.write_str("another host connected or there was a stop at the same time; connect again")
+            }
             Self::NoPose => f.write_str("the pose has a number that is none, or is larger than a kilometre"),
         }
     }

@@ -23,7 +23,8 @@
 //!
 //! # Exactly once
 //!
-//! A host opens a connection with `Hello` under a new random `link`. A request that changes something runs once: when its
+//! A host opens a connection with `Hello` under a new random `link`, with the board's last challenge: a `Hello` without it is refused
+//! with the challenge. A request that changes something runs once: when its
 //! `number` comes again the board repeats the answer; an older one is dropped. Requests that only ask, and the chunks of
 //! an upload, which carry their offset, run as often as they come.
 //!

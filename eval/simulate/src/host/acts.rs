@@ -308,8 +308,8 @@ impl Host<'_> {
             world::with(|world| world.on_stop(world.now_ns()));
         }
         world::with(|world| {
-            if let Some(link) = world.ended_link(seed >> 1) {
-                world.send_commands_of_before(link, seed);
+            if let Some(opened) = world.ended_link(seed >> 1) {
+                world.send_commands_of_before(opened, seed);
             }
         });
         world::pass(SETTLE_MS);

@@ -31,6 +31,11 @@ pub fn framed(tag: u8, link: u32, number: u16, payload: &[u8]) -> Vec<u8> {
     bytes[..length].to_vec()
 }
 
+/// What opens a connection, with the board's challenge.
+pub fn hello(link: u32, number: u16, challenge: u64) -> Vec<u8> {
+    request(link, number, &Request::Hello { protocol: PROTOCOL, challenge })
+}
+
 /// A request in a frame.
 pub fn request(link: u32, number: u16, request: &Request<'_>) -> Vec<u8> {
     postcard::to_allocvec(request).map(|payload| framed(REQUEST, link, number, &payload)).unwrap_or_default()
@@ -69,6 +74,12 @@ pub fn command_and_stop(rng: &mut ChaCha8Rng, coils: u8) -> Sent {
     Sent { bytes, what: format!("{what}, stop") }
 }
 
+/// The stop of the bootstrap set.
+pub fn stop(number: u16) -> Sent {
+    let stop = bootstrap::Request::Stop;
+    Sent { bytes: framed(stop.tag(), 0, number, stop.payload()), what: "stop".into() }
+}
+
 /// A line of text of known and unknown commands with arbitrary numbers.
 pub fn any_line(rng: &mut ChaCha8Rng) -> Sent {
     const NUMBERS: [&str; 12] = ["0", "1", "3", "7", "47", "48", "255", "256", "-1", "4294967295", "NaN", "1e30"];
@@ -90,8 +101,8 @@ pub fn any_line(rng: &mut ChaCha8Rng) -> Sent {
 }
 
 /// Every command that would move something, each with a separate number, on a connection that is said to be opened again
-/// first.
-pub fn commands_of_before(rng: &mut ChaCha8Rng, link: u32, arm: &ArmPlan) -> Sent {
+/// first, with the challenge that opened it.
+pub fn commands_of_before(rng: &mut ChaCha8Rng, link: u32, challenge: u64, arm: &ArmPlan) -> Sent {
     let mut number: u16 = rng.random();
     let coil = rng.random_range(0..arm.coils.len().max(1)) as u8;
     let angle_rad = rng.random_range(-0.4..0.4);
@@ -102,7 +113,7 @@ pub fn commands_of_before(rng: &mut ChaCha8Rng, link: u32, arm: &ArmPlan) -> Sen
         Request::Command(Command::Play),
     ];
     requests.shuffle(rng);
-    requests.insert(rng.random_range(0..=1), Request::Hello { protocol: PROTOCOL });
+    requests.insert(rng.random_range(0..=1), Request::Hello { protocol: PROTOCOL, challenge });
     let frames = requests.iter().map(|asked| {
         number = number.wrapping_add(1);
         request(link, number, asked)

@@ -5,7 +5,6 @@ use darm_arm::image::UploadImage;
 use darm_core::output::{ActuatorWiring, Coil, CoilLimit, Drive, ServoWiring, SwitchLimit, Wiring};
 use darm_core::sequencer::Command;
 use darm_core::units::Digest;
-use darm_core::wire::PROTOCOL;
 use darm_core::wire::message::{CHUNK, Request};
 use rand::RngExt as _;
 use rand_chacha::ChaCha8Rng;
@@ -84,15 +83,10 @@ pub fn wider_profile(rng: &mut ChaCha8Rng, wiring: &Wiring) -> UploadImage {
     BoardProfile::of("wider", &wiring).image()
 }
 
-/// The frames that upload an image under a link and play it, with the numbers from `number` on.
+/// The frames that upload an image on an open connection and play it, with the numbers from `number` on.
 pub fn frames(upload: &UploadImage, link: u32, mut number: u16) -> Vec<Vec<u8>> {
     let (image, bytes) = (upload.image(), upload.bytes());
-    let mut requests = vec![
-        Request::Hello { protocol: PROTOCOL },
-        Request::Command(Command::Stop),
-        Request::Command(Command::Clear),
-        Request::Begin(image),
-    ];
+    let mut requests = vec![Request::Command(Command::Clear), Request::Begin(image)];
     let offsets = (0..bytes.len()).step_by(CHUNK);
     requests.extend(bytes.chunks(CHUNK).zip(offsets).map(|(bytes, at)| Request::Chunk { offset: at as u32, bytes }));
     requests.extend([Request::Commit(image), Request::Command(Command::Play)]);

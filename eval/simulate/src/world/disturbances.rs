@@ -52,25 +52,24 @@ impl World {
             }
             WorldAct::Frames(count, as_host) => {
                 let link = if as_host { self.host_link } else { rng.random() };
-                if !as_host {
-                    let hello = darm_core::wire::message::Request::Hello { protocol: darm_core::wire::PROTOCOL };
-                    let bytes = hostile::request(link, rng.random(), &hello);
-                    self.arrive(Party::Hostile, &bytes);
-                    self.bench.send(&bytes);
-                }
                 let likely = [self.wiring.actuators.len() as u64, self.wiring.coils.len() as u64];
-                (0..count).for_each(|_| self.send_hostile(hostile::any_frame(&mut rng, link, &likely)));
+                let frames = (0..count).map(|_| hostile::any_frame(&mut rng, link, &likely)).collect();
+                if as_host {
+                    self.send_hostile(frames);
+                } else {
+                    self.call(link, rng.random(), frames);
+                }
             }
             WorldAct::EmergencyStop(_) => {
                 self.pressed_ns = Some(now_ns);
                 self.pressed_ticks = self.pressed_ticks.min(0);
                 self.invert_switches(0);
             }
-            WorldAct::Text => self.send_hostile(hostile::any_line(&mut rng)),
+            WorldAct::Text => self.send_hostile(vec![hostile::any_line(&mut rng)]),
             WorldAct::Table => self.send_table(&mut rng),
             WorldAct::Burst => {
                 let sent = hostile::command_and_stop(&mut rng, self.wiring.coils.len() as u8);
-                self.send_hostile(sent);
+                self.send_hostile(vec![sent]);
                 self.begin_quiet();
             }
             WorldAct::ForeignTable(is_without) => {
@@ -96,12 +95,6 @@ impl World {
             self.break_plant();
         }
         self.observe();
-    }
-
-    fn send_hostile(&mut self, sent: Sent) {
-        self.say("hostile", || sent.what);
-        self.arrive(Party::Hostile, &sent.bytes);
-        self.bench.send(&sent.bytes);
     }
 
     /// One bit of each copy of the record that names the profile, or of its image, turns; then the firmware starts again.
@@ -146,10 +139,12 @@ impl World {
 
     fn send_frames(&mut self, upload: &UploadImage, rng: &mut ChaCha8Rng) {
         (self.foreign_ns, self.has_own_table) = (Some(self.now_ns()), false);
-        for frame in hostile::tables::frames(upload, rng.random(), rng.random()) {
-            self.arrive(Party::Hostile, &frame);
-            self.bench.send(&frame);
-        }
+        let stop = hostile::stop(rng.random());
+        self.send_hostile(vec![stop]);
+        let (link, number) = (rng.random(), rng.random());
+        let frames = hostile::tables::frames(upload, link, number);
+        let frames = frames.into_iter().map(|bytes| Sent { bytes, what: "a piece of an image".into() });
+        self.call(link, number, frames.collect());
     }
 
     pub(super) fn end_acts(&mut self, now_ns: u64) {

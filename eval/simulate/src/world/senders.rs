@@ -1,7 +1,7 @@
 //! Who has sent what to the board, and what the judges conclude from it.
 
 use darm_core::sequencer::{Command, Fault, FaultKind};
-use darm_core::wire::message::{ImageKind, REQUEST, Request};
+use darm_core::wire::message::{ImageKind, REPLY, REQUEST, Refusal, Reply, Request};
 use darm_core::wire::{bootstrap, frame};
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
@@ -15,6 +15,28 @@ use crate::judge::servos::Wish;
 const STOP_MS: u64 = 3;
 /// For this time nothing that came before that stop may act, ms.
 const QUIET_MS: u64 = 60;
+
+/// The board answers a caller within this time, ns, or not at all.
+const CALL_NS: u64 = 300_000_000;
+
+/// A connection that somebody opened.
+#[derive(Clone, Copy, Debug)]
+pub struct Opened {
+    /// Its number.
+    pub link: u32,
+    /// The challenge that its `Hello` carried.
+    pub challenge: u64,
+    /// When that arrived first.
+    pub at_ns: u64,
+}
+
+/// Somebody who waits for the challenge to send something.
+pub(super) struct Caller {
+    link: u32,
+    number: u16,
+    until_ns: u64,
+    frames: Vec<Sent>,
+}
 
 /// Who sends to the board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,9 +105,9 @@ impl World {
     }
 
     /// A host sends commands on a connection that a stop has ended: nothing may come of them.
-    pub fn send_commands_of_before(&mut self, link: u32, seed: u64) {
+    pub fn send_commands_of_before(&mut self, opened: Opened, seed: u64) {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let Sent { bytes, what } = hostile::commands_of_before(&mut rng, link, &self.arm);
+        let Sent { bytes, what } = hostile::commands_of_before(&mut rng, opened.link, opened.challenge, &self.arm);
         self.say("world", || what);
         self.arrive(Party::Hostile, &bytes);
         self.bench.send(&bytes);
@@ -99,19 +121,64 @@ impl World {
         self.bench.send(format!("{line}\r").as_bytes());
     }
 
-    /// A connection that a stop has ended, and that is not the one in use where there are others.
-    pub fn ended_link(&self, seed: u64) -> Option<u32> {
-        let newest = self.links.iter().rev().filter(|link| link.1 < self.ended_ns).take(6);
-        newest.map(|link| link.0).nth(seed as usize % 6).or(self
-            .links
-            .last()
-            .filter(|link| link.1 < self.ended_ns)
-            .map(|link| link.0))
+    /// A connection that a stop or a start has ended: any of the run, half of them one of the last.
+    pub fn ended_link(&self, seed: u64) -> Option<Opened> {
+        let ended = || self.links.iter().filter(|opened| opened.at_ns < self.ended_ns);
+        let (count, back) = (ended().count(), (seed >> 1) as usize);
+        let back = if seed & 1 == 0 { back % 6 } else { back };
+        ended().rev().nth(back % count.max(1)).copied()
     }
 
-    /// The connection that a host used last.
-    pub fn host_link(&self) -> u32 {
-        self.host_link
+    /// How the connection that a host used last was opened.
+    pub fn host_link(&self) -> Opened {
+        let none = Opened { link: self.host_link, challenge: 0, at_ns: 0 };
+        self.links.iter().rev().find(|opened| opened.link == self.host_link).copied().unwrap_or(none)
+    }
+
+    /// The hostile sender sends.
+    pub(super) fn send_hostile(&mut self, frames: Vec<Sent>) {
+        for sent in frames {
+            self.say("hostile", || sent.what);
+            self.arrive(Party::Hostile, &sent.bytes);
+            self.bench.send(&sent.bytes);
+        }
+    }
+
+    /// The hostile sender asks for the challenge, and sends these on a connection of its own when it comes.
+    pub(super) fn call(&mut self, link: u32, number: u16, frames: Vec<Sent>) {
+        self.bench.send(&hostile::hello(link, number, 0));
+        self.callers.push(Caller { link, number, until_ns: self.now_ns() + CALL_NS, frames });
+    }
+
+    /// Bytes of the board: challenges that callers wait for.
+    pub(super) fn hear_challenges(&mut self, received: &[u8]) {
+        for byte in received {
+            if *byte != 0 {
+                self.reply.push(*byte);
+                continue;
+            }
+            let mut reply = std::mem::take(&mut self.reply);
+            let Ok((header, payload)) = frame::decode(&mut reply) else { continue };
+            let result = postcard::from_bytes::<Reply>(payload).map(|reply| reply.result);
+            if let (REPLY, Ok(Err(Refusal::Challenge { challenge }))) = (header.tag, result) {
+                self.on_challenge(header.link, challenge);
+            }
+        }
+        let now_ns = self.now_ns();
+        self.callers.retain(|caller| caller.until_ns > now_ns);
+    }
+
+    fn on_challenge(&mut self, link: u32, challenge: u64) {
+        let Some(index) = self.callers.iter().position(|caller| caller.link == link) else { return };
+        let Caller { number, frames, .. } = self.callers.swap_remove(index);
+        let now_ns = self.now_ns();
+        (self.hostile_ns, self.quiet_ns, self.disturbed_ns) = (Some(now_ns), None, now_ns);
+        if self.foreign_ns.is_some() {
+            self.foreign_ns = Some(now_ns);
+        }
+        let hello = Sent { bytes: hostile::hello(link, number, challenge), what: format!("opens {link:x}") };
+        self.send_hostile(vec![hello]);
+        self.send_hostile(frames);
     }
 
     /// Bytes come to the board: what they ask for.
@@ -176,9 +243,15 @@ impl World {
     /// What a request asks for, on a connection that may have ended.
     fn on_request(&mut self, link: u32, request: &Request<'_>) {
         let now_ns = self.now_ns();
-        let is_open = self.links.iter().any(|&(own, opened_ns)| own == link && opened_ns >= self.ended_ns);
+        let is_open = self.links.iter().any(|opened| opened.link == link && opened.at_ns >= self.ended_ns);
         match *request {
-            Request::Hello { .. } if self.links.iter().all(|(own, _)| *own != link) => self.links.push((link, now_ns)),
+            // A copy opens nothing again.
+            Request::Hello { challenge, .. } if challenge != 0 => {
+                let is_copy = |opened: &Opened| (opened.link, opened.challenge) == (link, challenge);
+                if !self.links.iter().any(is_copy) {
+                    self.links.push(Opened { link, challenge, at_ns: now_ns });
+                }
+            }
             Request::Command(Command::Clear) => self.on_cleared(),
             Request::Command(Command::Play) if is_open => self.servos.on_order(now_ns, Wish::Table),
             Request::Command(Command::Servo { servo, angle_rad }) if is_open => {

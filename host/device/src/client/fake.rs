@@ -29,6 +29,8 @@ pub(super) struct Memory {
     /// Restarts after the next command has acted and before its answer leaves.
     pub(super) restart_after_command: bool,
     connection: Option<u32>,
+    /// Connections and resets so far.
+    challenge: u64,
     /// Number and frame of the last answer to a request that runs once.
     last: Option<(u16, Vec<u8>)>,
     upload: Option<(Image, Vec<u8>)>,
@@ -48,6 +50,7 @@ impl Memory {
     /// Loses what is in RAM, as by a reset.
     pub(super) fn reset(&mut self) {
         (self.connection, self.last, self.upload) = (None, None, None);
+        self.challenge += 1;
         self.ahead.clear();
     }
 
@@ -105,8 +108,12 @@ impl Memory {
     }
 
     fn execute(&mut self, link: u32, request: &Request) -> Result<Answer, Refusal> {
-        if let Request::Hello { protocol } = request {
+        if let Request::Hello { protocol, challenge } = request {
             if self.connection != Some(link) {
+                if *challenge != self.challenge + 1 {
+                    return Err(Refusal::Challenge { challenge: self.challenge + 1 });
+                }
+                self.challenge += 1;
                 self.last = None;
             }
             self.connection = Some(link);

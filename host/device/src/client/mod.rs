@@ -40,8 +40,9 @@ use exchange::Exchange;
 use stop::Confirmation;
 pub use upload::Progress;
 
-/// How often a connection is opened when other hosts open theirs at the same time.
-const HELLOS: u32 = 5;
+/// How often `Hello` is said until one carries the board's last challenge: the first learns it, and other hosts that connect at the
+/// same time, and stops, change it.
+const HELLOS: u32 = 8;
 
 /// A connection to one board.
 pub struct Client {
@@ -97,18 +98,17 @@ impl Client {
     ///
     /// As [`connect`](Self::connect).
     pub fn say_hello(&mut self) -> Result<Hello, ClientError> {
-        let mut tries = 0;
+        let (mut challenge, mut tries) = (0, 0);
+        self.exchange.new_connection();
         loop {
-            self.exchange.new_connection();
             tries += 1;
-            match self.exchange.ask("hello", &Request::Hello { protocol: PROTOCOL }) {
+            match self.exchange.ask("hello", &Request::Hello { protocol: PROTOCOL, challenge }) {
                 Ok(Answer::Hello(hello)) => {
                     self.hello = Some(hello.clone());
                     return Ok(hello);
                 }
                 Ok(_) => return Err(AnswerError::Payload { request: "hello" }.into()),
-                // Another host has connected between two copies of the request: the board opens no connection twice.
-                Err(ClientError::Refused(Refusal::NotConnected)) if tries < HELLOS => {}
+                Err(ClientError::Refused(Refusal::Challenge { challenge: last })) if tries < HELLOS => challenge = last,
                 Err(error) => return Err(error),
             }
         }

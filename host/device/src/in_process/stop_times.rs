@@ -12,7 +12,7 @@ use darm_core::units::{Micros, ModelHash, Word};
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap;
 use darm_core::wire::frame::{self, Header, MAX_FRAME, MAX_PAYLOAD};
-use darm_core::wire::message::{CHUNK, REQUEST, Request};
+use darm_core::wire::message::{CHUNK, REQUEST, Refusal, Reply, Request};
 
 use super::{Bench, MemoryFlash, Physical};
 use crate::plant::{Broken, Plant};
@@ -189,7 +189,32 @@ impl Rig {
 
     fn connect(&mut self) {
         self.link += 1;
-        self.done(Request::Hello { protocol: PROTOCOL }, 5);
+        self.open(self.link, 5);
+    }
+
+    /// Opens a connection as a client does, with the challenge that it is refused with first.
+    fn open(&mut self, link: u32, millis: u32) {
+        let hello = |challenge| {
+            let mut payload = [0; MAX_PAYLOAD];
+            let used = postcard::to_slice(&Request::Hello { protocol: PROTOCOL, challenge }, &mut payload).unwrap();
+            framed(Header { tag: REQUEST, link, number: 1 }, used)
+        };
+        self.bench.received().clear();
+        self.bench.send(&hello(0));
+        (0..5).for_each(|_| self.bench.step());
+        let received = self.bench.received().make_contiguous().to_vec();
+        let refused = received.split(|byte| *byte == 0).find_map(|encoded| {
+            let mut body = encoded.to_vec();
+            let (header, payload) = frame::decode(&mut body).ok()?;
+            let reply = postcard::from_bytes::<Reply>(payload).ok()?;
+            if let (true, Err(Refusal::Challenge { challenge })) = (header.link == link, reply.result) {
+                Some(challenge)
+            } else {
+                None
+            }
+        });
+        self.bench.send(&hello(refused.expect("a `Hello` without a challenge is refused with it")));
+        self.pass(millis);
     }
 
     fn upload(&mut self) {
@@ -252,9 +277,7 @@ impl Rig {
                 self.pass(wait_ms + 30);
             }
             State::OtherHost => {
-                let other = framed(Header { tag: REQUEST, link: 0xffff_0000, number: 1 }, &[0, PROTOCOL as u8]);
-                self.bench.send(&other);
-                self.pass(wait_ms + 2);
+                self.open(0xffff_0000, wait_ms + 2);
             }
             State::Idle | State::Playing => self.pass(wait_ms),
         }

@@ -1,6 +1,6 @@
 //! Golden bytes of messages.
 
-use super::{Answer, Calibration, Coordinates, Found, Refusal, Reply, Request, done, is_stop};
+use super::{Answer, Calibration, Coordinates, Found, Refusal, Reply, Request, done, hello_protocol, is_stop};
 use crate::sequencer::{Command, Event};
 use crate::units::Micros;
 use crate::wire::bootstrap::{CrashKind, CrashRecord};
@@ -31,6 +31,18 @@ fn what_was_before_this_start_is_these_bytes() {
     let encoded = postcard::to_slice(&crash, &mut bytes).unwrap();
     assert_eq!(encoded, [5, 0, 11, 1, 2, 0xac, 2, 1, 2, 2, b'n', b'o']);
     assert_eq!(postcard::from_bytes::<Reply>(encoded), Ok(crash));
+}
+
+#[test]
+fn a_challenge_is_these_bytes_and_the_hello_of_every_version_begins_with_its_version() {
+    let mut bytes = [0; 64];
+    let challenge = 3 << 32 | 5;
+    let hello = postcard::to_slice(&Request::Hello { protocol: 5, challenge }, &mut bytes).unwrap();
+    assert_eq!((&*hello, hello_protocol(hello)), (&[0, 5, 0x85, 0x80, 0x80, 0x80, 0x30][..], Some(5)));
+    let refused = Reply { at: Micros(5), result: Err(Refusal::Challenge { challenge }) };
+    let refused = postcard::to_slice(&refused, &mut bytes).unwrap();
+    assert_eq!(refused, [5, 1, 16, 0x85, 0x80, 0x80, 0x80, 0x30]);
+    assert_eq!([&[0, 4][..], &[0, 6, 1, 2, 3], &[1], &[]].map(hello_protocol), [Some(4), Some(6), None, None]);
 }
 
 #[test]

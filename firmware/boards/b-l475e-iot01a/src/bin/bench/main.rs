@@ -232,7 +232,8 @@ impl Host {
 
     fn upload(&mut self, table: &Recorded) {
         let image = table.image();
-        self.send(Request::Hello { protocol: PROTOCOL });
+        // The first challenge of the first start.
+        self.send(Request::Hello { protocol: PROTOCOL, challenge: 1 << 32 });
         self.send(Request::Begin(image));
         for (bytes, offset) in table.bytes.chunks(CHUNK).zip((0u32..).step_by(CHUNK)) {
             self.send(Request::Chunk { offset, bytes });
