@@ -14,7 +14,7 @@ pub const SETTLE_MS: u64 = 300;
 
 /// Whether the board asks for a new connection.
 pub fn asks_for_hello(refusal: &Refusal) -> bool {
-    matches!(refusal, Refusal::NotConnected | Refusal::Command(CommandError::Stopped))
+    matches!(refusal, Refusal::NotConnected | Refusal::Challenge { .. } | Refusal::Command(CommandError::Stopped))
 }
 
 /// How a command ended for the host.

@@ -20,7 +20,7 @@ const CHANGING: usize = 16;
 /// Rows in which a third of the outputs changes, and the time from one to the next, ms.
 const STEADY_ROWS: u32 = 18;
 const STEADY_MS: u32 = 30;
-/// Bursts of four rows 1 ms apart, in the last of which every output goes off, and the time from one burst to the next, ms.
+/// Bursts of three rows 1 ms apart, and of a fourth in which every output goes off, and the time from one burst to the next, ms.
 const BURSTS: u32 = 6;
 const BURST_MS: u32 = 120;
 const PLAYS: usize = 4;
@@ -63,7 +63,8 @@ fn rows() -> Vec<(u32, [u8; OUTPUTS])> {
             rows.push((begin_ms + third as u32, digits));
         }
         digits.fill(0);
-        rows.push((begin_ms + 3, digits));
+        // As soon as a table may: a turn of the meters of 48 outputs and 2 ms behind the last of the others.
+        rows.push((begin_ms + 16, digits));
     }
     rows
 }

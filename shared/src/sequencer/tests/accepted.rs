@@ -24,9 +24,9 @@ fn wiring(random: &mut Random) -> Vec<Record> {
     let start = Record::Start { model: ModelHash(1), device: None, profile: super::PROFILE, switch_limit };
     let (count, apart) = (1 + random.below(5) as u8, 1 + random.below(9) as u8);
     let coils = (0..count).map(|index| {
-        let (first, second, burst_ms) = (2 * index, 2 * index + 1, 1 + random.below(12) as u16);
+        let (first, second, burst_ms) = (2 * index, 2 * index + 1, 1 + random.below(6) as u16);
         let (drive, max_on_ms) = match random.below(3) {
-            0 => (Drive::Hold { line: first }, 4 + random.below(60)),
+            0 => (Drive::Hold { line: first }, 20 + random.below(60)),
             1 => (Drive::PeakHold { pull: first, hold: second, peak_ms: burst_ms }, 20 + random.below(60)),
             _ => (Drive::Latch { set: first, reset: second, pulse_ms: burst_ms }, burst_ms.into()),
         };
@@ -49,16 +49,17 @@ fn program(random: &mut Random) -> Vec<Record> {
         let mut checker = Checker::default();
         records.iter().all(|record| checker.admit(record, &board).is_ok())
     };
-    let count = records.len() / 2;
-    let mut at = Micros(0);
-    for _ in 0..60 {
-        let digits: Vec<u8> = (0..count).map(|_| random.below(2) as u8).collect();
+    let (mut digits, mut at) = (std::vec![0; records.len() / 2], Micros(0));
+    for _ in 0..100 {
+        let moved = random.below(digits.len() as u32) as usize;
+        digits[moved] ^= 1;
         let row = Row { at, word: Word::new(&digits).unwrap(), servos: heapless::Vec::new() };
         records.push(Record::Row(row));
         if !is_accepted(&records) {
             records.pop();
+            digits[moved] ^= 1;
         }
-        at = at + Micros((1000 * (1 + random.below(6)) + random.below(2) * random.below(1000)).into());
+        at = at + Micros((1000 * (1 + random.below(3)) + random.below(2) * random.below(1000)).into());
     }
     records.push(Record::End { at });
     while !is_accepted(&records) {

@@ -44,8 +44,8 @@ use defmt_rtt as _;
 use serde::Serialize;
 use sha2::{Digest as _, Sha256};
 
-/// The planar arm of four modules, and all that a board drives; the last one in bursts of four rows 1 ms apart, in which every
-/// output is switched on and off before its meter has its turn.
+/// The planar arm of four modules, and all that a board drives; the last one in bursts: three rows 1 ms apart switch every output
+/// on, and one switches all of them off as soon as a table may.
 const ARMS: [(&str, usize, usize, bool); 3] = [
     ("arm_12", 12, 0, false),
     ("arm_full", MAX_ACTUATORS, MAX_SERVOS, false),
@@ -54,6 +54,8 @@ const ARMS: [(&str, usize, usize, bool); 3] = [
 const ROWS: u32 = 40;
 /// An output of the smaller arm has a peak in every second row, and no sooner than 52 ms after the last one.
 const ROW_MS: u32 = 30;
+/// From the first row of a burst to its last: a turn of the meters of all outputs and the time of a late row behind the third.
+const BURST_MS: u32 = 16;
 /// Uploads that only fill the flash.
 const STORES: u32 = 10;
 /// Plays of an arm, and by how many wake-ups of 500 µs each is shifted more than the one before: where windows of the meters,
@@ -193,7 +195,8 @@ fn push_rows(table: &mut Recorded, actuators: usize, servos: usize, in_bursts: b
             word = word.with_digit(index, if in_bursts { 1 } else { 1 - word.digit(index) });
         }
         word = if in_bursts && step == 3 { zeros } else { word };
-        let at_ms = if in_bursts { (row - step) * ROW_MS + step } else { row * ROW_MS };
+        let in_burst_ms = if step == 3 { BURST_MS } else { step };
+        let at_ms = if in_bursts { (row - step) * ROW_MS + in_burst_ms } else { row * ROW_MS };
         let angles = core::iter::repeat_n(SERVO_RAD, servos).collect();
         table.push(&Record::Row(Row { at: Micros::from_millis(at_ms), word, servos: angles }));
     }
