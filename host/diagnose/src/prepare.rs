@@ -1,6 +1,7 @@
 //! Stage 1: rows that count, rows that no fit may see, which rows are left out together, and the noise.
 
 pub(crate) mod column_reading;
+mod damaged_cells;
 mod error;
 pub mod groups;
 pub mod observations;

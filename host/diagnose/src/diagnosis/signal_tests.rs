@@ -163,6 +163,25 @@ fn a_model_with_what_was_found_predicts_as_told_and_lacks_nothing() {
     assert_eq!((second.verdict, second.effects.len()), (Verdict::NoEffect, 0), "{:?}", second.plain);
 }
 
+/// Rates carry one wrong position into the rows around it, whether fits see them or not.
+#[test]
+fn one_position_that_is_zero_changes_nothing_and_is_listed() {
+    let motion = |t: f64| 20.0 * (0.5 * t).sin() + 30.0;
+    let found = |bad_s: f64| {
+        let position = |t: f64| if (t - bad_s).abs() < 1e-6 { 0.0 } else { motion(t) };
+        let table = cylinder_at(position, |_, v, _| 0.4 * v);
+        diagnose_table(&model("cylinder.toml"), &table, &options(HoldOut::Own, None, &[])).unwrap().diagnosis
+    };
+    let clean = found(-1.0);
+    for row in [500, 850] {
+        let damaged = found(0.05 * f64::from(row));
+        let named = |of: &Diagnosis| of.effects.iter().map(|effect| effect.law).collect::<Vec<_>>();
+        assert_eq!((damaged.verdict, named(&damaged)), (clean.verdict, named(&clean)), "{:?}", damaged.plain);
+        let note = damaged.findings.iter().find(|finding| finding.kind == FindingKind::StandsOut).unwrap();
+        assert_eq!(note.line, Some(row as usize + 2), "{note:?}");
+    }
+}
+
 #[test]
 fn what_no_law_explains_is_told_by_its_channel_and_may_be_kept() {
     let table = cylinder(|x, _, _| 6.0 * (0.785 * x).cos());

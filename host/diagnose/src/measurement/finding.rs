@@ -41,6 +41,12 @@ pub enum FindingKind {
     TimeRunsBack,
     /// A cell is not a number.
     NotANumber,
+    /// Rows are left out in which a position stands out between the rows before and after.
+    StandsOut,
+    /// An angle jumps by a turn, and is counted on.
+    Wrapped,
+    /// Rows are left out in which a sensor is at the end of its range.
+    Saturated,
     /// Rows are left out because a cell that is needed is empty.
     MissingValue,
     /// Numbers look like another unit than the one they are read in.

@@ -10,6 +10,7 @@ use crate::measurement::signal::{LowPass, interpolated, stretches, unwrapped};
 use crate::measurement::table::Table;
 use crate::measurement::{Finding, FindingKind, ReadError, demean};
 use crate::prepare::column_reading::ColumnReading;
+use crate::prepare::damaged_cells;
 pub use crate::prepare::error::PrepareError;
 use crate::prepare::groups::Row;
 use crate::prepare::sampling::{self, Sampling};
@@ -97,6 +98,7 @@ impl Prepared {
             table.retain(&keep);
         }
         leave_out_gaps(&mut table, &mut findings);
+        damaged_cells::repair(&mut table, &mut findings);
         if table.lines.is_empty() {
             return Err(PrepareError::Nothing("no row is left, there is nothing to diagnose".into()));
         }
