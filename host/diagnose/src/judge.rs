@@ -5,6 +5,7 @@ pub mod fitted_terms;
 pub(crate) mod gate;
 pub(crate) mod held_out;
 pub mod intervals;
+pub(crate) mod lack_of_fit;
 pub mod next_rows;
 pub mod next_words;
 pub mod pose_dictionary;
@@ -29,6 +30,8 @@ pub(crate) struct Judgement {
     /// Effects of the best model that these data do not confirm.
     pub(crate) unconfirmed: Vec<String>,
     pub(crate) repeatability: Option<Repeatability>,
+    /// Whether the noise is known well enough to say that nothing else is left.
+    pub(crate) is_noise_known: bool,
     /// What the residual depends on before any effect is added; not looked for in signals.
     pub(crate) structure: Option<Structure>,
     /// What it depends on with the effects selected.

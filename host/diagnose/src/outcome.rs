@@ -7,7 +7,9 @@
 //! | `kind` | what was measured: `tool-pose`, `actuator-force`, `joint-position`, `joint-torque`, `contact-wrench`, `tool-position`, `point-contact` |
 //! | `rows.train`, `rows.held_out` | rows that fits saw, and rows that no fit has seen |
 //! | `held_out`, `left_out` | how the latter were chosen; what cross-validation leaves out together |
+//! | `cross_validated` | whether the rows of `held_out` were left out in turn and chose the effects, so that no row is held out for good |
 //! | `repeatability` | scatter of repeated conditions with its degrees of freedom, or null where too little is repeated |
+//! | `noise_known` | whether the noise is known well enough to say that nothing else is left |
 //! | `error.before`, `error.after` | root mean square of predicted minus measured on `train` and `held_out`: each axis, and the norm |
 //! | `verdict` | `effect-found`, `partly-explained`, `no-effect`, `unexplained-structure`, `not-identifiable`, `too-little-data`, `wrong-model-or-log` |
 //! | `other_reading` | of a wrong model or log: how it agrees, and the error then; null where no reading that was tried does |
@@ -53,10 +55,17 @@ pub struct Diagnosis {
     pub rows: Rows,
     /// How the rows were chosen that the fit did not see.
     pub held_out: String,
+    /// Whether these rows were seen by fits, each left out in turn, and chose the effects: the error on them is cross-validated, not held
+    /// out.
+    #[serde(rename = "cross_validated")]
+    pub is_cross_validated: bool,
     /// What cross-validation leaves out together.
     pub left_out: &'static str,
     /// Scatter of repeated conditions; `None` where too little is repeated.
     pub repeatability: Option<Repeatability>,
+    /// Whether the noise is known well enough to say that nothing else is left.
+    #[serde(rename = "noise_known")]
+    pub is_noise_known: bool,
     /// Predicted minus measured, of the model as it was and with the effects found.
     pub error: BeforeAfter,
     /// The verdict.
@@ -103,7 +112,13 @@ impl Diagnosis {
     pub fn next_step(&self) -> String {
         let unread = self.findings.iter().filter(|finding| finding.kind == FindingKind::UnreadCondition);
         let columns: Vec<&str> = unread.filter_map(|finding| finding.column.as_deref()).collect();
-        let step = self.verdict.next_step();
+        let step = match self.verdict {
+            Verdict::PartlyExplained if !self.is_noise_known => {
+                "write the corrected model, and record again with some of the rows repeated: only that shows whether another cause is \
+                 left."
+            }
+            verdict => verdict.next_step(),
+        };
         match &columns[..] {
             [] => step.into(),
             columns => format!(
@@ -118,11 +133,11 @@ impl Diagnosis {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
-    /// The effects named explain what was beyond the noise.
+    /// The effects named explain what was beyond a known noise.
     EffectFound,
-    /// The effects named are there, and more than noise is left beside them.
+    /// The effects named are there, and more than noise is left beside them, or how large the noise is is not known.
     PartlyExplained,
-    /// There is nothing beyond the noise.
+    /// There is nothing beyond a known noise.
     NoEffect,
     /// There is something beyond the noise that no law explains.
     UnexplainedStructure,
@@ -254,6 +269,8 @@ pub struct ErrorFigure {
     pub norm: Number,
     /// The largest norm of a row.
     pub largest: Number,
+    /// The norm without the hundredth of the rows that is farthest off, at least one: a bad row decides nothing in it.
+    pub without_farthest: Number,
 }
 
 /// One number of one axis.

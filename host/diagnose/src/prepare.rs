@@ -6,7 +6,7 @@ mod error;
 pub mod groups;
 pub mod observations;
 pub mod repeatability;
-mod resolution;
+pub(crate) mod resolution;
 pub mod sampling;
 pub mod signals;
 pub(crate) mod table_findings;

@@ -2,20 +2,23 @@
 //!
 //! | what the data say | verdict |
 //! | --- | --- |
-//! | effects that lower the error on rows that no fit has seen, each by itself, and no more than noise is left | `effect-found` |
-//! | the same, they take most of what was there, and more than noise is left | `partly-explained` |
+//! | effects that lower the error on rows that no fit has seen, each by itself, and no more than a known noise is left | `effect-found` |
+//! | the same, they take most of what was there, and more than noise is left, or the noise is not known | `partly-explained` |
 //! | effects in whose place others do as well | `not-identifiable` |
 //! | no effect, and more than noise | `unexplained-structure` |
 //! | no effect, no more than noise, and the noise is known | `no-effect` |
 //! | no effect, no more than noise, and the noise is not known well enough | `too-little-data` |
 //! | another reading of model or log explains far more, or the model explains too little to belong to the log | `wrong-model-or-log` |
+//!
+//! What is left is more than noise where the [lower bound](crate::judge::lack_of_fit) of any axis exceeds it, or where it depends on
+//! something that was recorded. Neither test needs the laws.
 
 use crate::outcome::Verdict;
 use crate::prepare::repeatability::MIN_DOF;
 
 /// Share of what is beyond the noise that may be left where a verdict says that it is explained.
 pub(crate) const UNEXPLAINED_SHARE: f64 = 0.1;
-/// The same as a root mean square, in units of the noise.
+/// The same as a root mean square, in units of the noise that what is left itself shows, where none is known otherwise.
 pub(crate) const MAX_LEFT: f64 = 1.5;
 
 /// What a verdict rests on.
@@ -35,8 +38,15 @@ pub(crate) struct Evidence {
     pub(crate) is_mainly_taken: bool,
     /// Whether the error on rows that no fit has seen falls beyond its own uncertainty.
     pub(crate) held_out_falls: bool,
-    /// Degrees of freedom of the repeatability.
+    /// Degrees of freedom of the noise; none where it is not known.
     pub(crate) noise_dof: usize,
+}
+
+impl Evidence {
+    /// Whether the noise is known well enough to say that nothing is left.
+    pub(crate) fn is_noise_known(&self) -> bool {
+        self.noise_dof >= MIN_DOF
+    }
 }
 
 /// The verdict.
@@ -44,7 +54,7 @@ pub(crate) fn verdict(evidence: &Evidence) -> Verdict {
     let is_any = evidence.named > 0 || evidence.is_ambiguous;
     let without_names = || match evidence.was_beyond_noise {
         true => Verdict::UnexplainedStructure,
-        false if evidence.noise_dof >= MIN_DOF => Verdict::NoEffect,
+        false if evidence.is_noise_known() => Verdict::NoEffect,
         false => Verdict::TooLittleData,
     };
     match () {
@@ -57,6 +67,7 @@ pub(crate) fn verdict(evidence: &Evidence) -> Verdict {
         () if evidence.is_left && evidence.is_mainly_taken && !evidence.is_ambiguous => Verdict::PartlyExplained,
         () if evidence.is_left => Verdict::UnexplainedStructure,
         () if evidence.is_ambiguous => Verdict::NotIdentifiable,
+        () if !evidence.is_noise_known() => Verdict::PartlyExplained,
         () => Verdict::EffectFound,
     }
 }
@@ -93,10 +104,11 @@ mod tests {
             prop_assert_eq!(verdict == Verdict::WrongModelOrLog, !evidence.agrees);
             match verdict {
                 Verdict::EffectFound => {
-                    prop_assert!(named > 0 && held_out_falls && !is_left && !is_ambiguous);
+                    prop_assert!(named > 0 && held_out_falls && !is_left && !is_ambiguous && noise_dof >= MIN_DOF);
                 }
                 Verdict::PartlyExplained => {
-                    prop_assert!(named > 0 && held_out_falls && is_left && evidence.is_mainly_taken);
+                    let is_known_part = is_left && evidence.is_mainly_taken;
+                    prop_assert!(named > 0 && held_out_falls && (is_known_part || !is_left && noise_dof < MIN_DOF));
                 }
                 Verdict::NoEffect => {
                     prop_assert!(named == 0 && !is_ambiguous && !evidence.was_beyond_noise && noise_dof >= MIN_DOF);

@@ -2,6 +2,7 @@
 
 use nalgebra::DMatrix;
 
+use crate::linearise::experiment::Experiment;
 use crate::measurement_plan::optimal_design::informative_first;
 use crate::outcome::{NextMeasurement, NextRow};
 use crate::select::problem::{RegressionProblem as _, Trial};
@@ -30,11 +31,7 @@ pub(crate) fn proposal(problem: &Signals, best: &Trial<Signals>, candidates: &[u
         |&row: &usize| DMatrix::from_fn(n_axes, indices.len(), |axis, value| columns[value][row * n_axes + axis]);
     let measurements: Vec<DMatrix<f64>> = rows.iter().map(measurement).collect();
     let chosen = informative_first(pseudo_inverse(&(information + floor)), &measurements, ROWS);
-    let row = |&k: &usize| {
-        let row = training[rows[k]];
-        let conditions = experiment.channels.iter().map(|(name, values)| (name.clone(), values[row])).collect();
-        NextRow { line: experiment.rows[row].line, conditions }
-    };
+    let row = |&k: &usize| next_row(experiment, training[rows[k]]);
     let named =
         candidates.iter().map(|&k| format!("{} at {}", experiment.candidates[k].law, experiment.candidates[k].site));
     NextMeasurement {
@@ -43,4 +40,21 @@ pub(crate) fn proposal(problem: &Signals, best: &Trial<Signals>, candidates: &[u
         rows: chosen.iter().map(row).collect(),
         distinguishes: named.collect::<Vec<_>>().join(" from "),
     }
+}
+
+/// Rows over all of the measurement, whose repeats show the noise.
+pub(crate) fn to_repeat(problem: &Signals) -> NextMeasurement {
+    let training = &problem.groups.training;
+    let rows = training.iter().step_by(training.len().div_ceil(ROWS).max(1));
+    NextMeasurement {
+        words: Vec::new(),
+        conditions: None,
+        rows: rows.map(|&row| next_row(&problem.experiment, row)).collect(),
+        distinguishes: "noise from what else may be missing".into(),
+    }
+}
+
+fn next_row(experiment: &Experiment, row: usize) -> NextRow {
+    let conditions = experiment.channels.iter().map(|(name, values)| (name.clone(), values[row])).collect();
+    NextRow { line: experiment.rows[row].line, conditions }
 }

@@ -4,7 +4,9 @@ use darm_core::effect::Effect;
 
 use super::fitted_terms::{WithTerms, with_terms};
 use super::gate::{self, Evidence, MAX_LEFT, UNEXPLAINED_SHARE};
+use super::lack_of_fit::{AxisLeft, MAX_OVER_NOISE, exceeds_noise};
 use super::next_words::{self, Proposal};
+use super::regression::of_axis;
 use super::selected::SelectedPoses;
 use super::structure::structure;
 use super::{Judgement, far_rows, pose_intervals};
@@ -37,14 +39,18 @@ pub(crate) fn judge(
     let with = with_terms(problem, best, &mut remaining.depends_on, look)?;
     let is_wrong_in_part = far_rows::are_too_many(far_rows::far_rows(selected).len(), problem.training.rows.len());
     let explained = agreement::poses::explained(arm, selected.run, problem.training.distances_m(&best.predicted));
+    let beyond_repeats = |trial: &Trial<ToolPoses>| Ok(exceeds_noise(&left(selected, trial)?));
+    // Without repeats the residuals themselves are the noise that they are compared with.
+    let max_left = if selected.repeats().is_some() { MAX_OVER_NOISE } else { MAX_LEFT };
     let evidence = Evidence {
         agrees: selected.agreement.allows(effects.len(), explained),
         named: effects.len(),
         is_ambiguous: alternatives.iter().any(|other| !is_same_part(other, &effects)),
-        was_beyond_noise: before.beyond_noise || is_wrong_in_part,
+        was_beyond_noise: before.beyond_noise || is_wrong_in_part || beyond_repeats(start)?,
         is_left: is_wrong_in_part
+            || beyond_repeats(best)?
             || remaining.beyond_noise
-                && (remaining.over_noise > MAX_LEFT || remaining.excess > UNEXPLAINED_SHARE * before.excess),
+                && (remaining.over_noise > max_left || remaining.excess > UNEXPLAINED_SHARE * before.excess),
         is_mainly_taken: remaining.excess <= MAX_PARTLY_LEFT * before.excess,
         held_out_falls: problem.held_out_falls(start, best)?,
         noise_dof: selected.repeatability.map_or(0, |noise| noise.dof),
@@ -72,6 +78,7 @@ pub(crate) fn judge(
         unobservable: pose_intervals::unobservable(best),
         unconfirmed: Vec::new(),
         repeatability: selected.repeatability.map(|noise| repeatability(arm, noise)),
+        is_noise_known: evidence.is_noise_known(),
         structure: Some(before),
         remaining,
         next_measurement,
@@ -86,6 +93,22 @@ fn repeatability(arm: &Arm, noise: &Noise) -> Repeatability {
         dof: noise.dof,
         repeated_in: RepeatedIn::Rows,
     }
+}
+
+/// What a model leaves of each axis beside the noise of repeats, on the rows that fits see and on those that they do not; nothing
+/// without repeats.
+fn left(selected: &SelectedPoses, trial: &Trial<ToolPoses>) -> Result<Vec<AxisLeft>, NoPose> {
+    let SelectedPoses { problem, .. } = *selected;
+    let Some(noise) = selected.repeats() else { return Ok(Vec::new()) };
+    let n_axes = problem.training.n_axes();
+    let held_out = problem.held_out.residuals(&trial.fit.model, &mut ArmScratch::default())?;
+    let rows = [(&trial.fit.residuals, trial.fit.values.len()), (&held_out, 0)];
+    let left = |axis: usize| {
+        rows.iter().filter_map(move |(residuals, fitted)| {
+            AxisLeft::beside(&of_axis(residuals, n_axes, axis), *fitted as f64 / n_axes as f64, 1.0, noise.dof)
+        })
+    };
+    Ok((0..n_axes).flat_map(left).collect())
 }
 
 /// The structure that a model leaves.

@@ -1,12 +1,18 @@
 //! Repeatability of signals: the scatter of rows in which all that the prediction rests on was the very same; without such
 //! rows, of unfiltered signals along a motion, how far rows stand out between those beside them.
+//!
+//! Repeats that differ by more than what changes from one condition to the next are no noise: something happened between
+//! them. Numbers that are rounded to coarse steps scatter less than they are off.
 
 use std::collections::BTreeMap;
 
+use crate::judge::lack_of_fit::AxisLeft;
+use crate::judge::regression::of_axis;
 use crate::linearise::experiment::{Axis, Experiment};
 use crate::measurement::median;
 use crate::outcome::{AxisFigure, Number, Repeatability, RepeatedIn};
 use crate::prepare::repeatability::{MEDIAN_OF_NORMAL, MIN_DOF};
+use crate::prepare::resolution;
 
 /// Channels that a condition may differ in.
 const NOT_A_CONDITION: [&str; 2] = ["time", "temperature"];
@@ -20,14 +26,45 @@ const MOTION: f64 = 0.5;
 /// Such differences of successive rows have this part of a degree of freedom each: 1/(1 + 2·(4/9 + 1/36)).
 const DOF_OF_DIFFERENCE: f64 = 18.0 / 35.0;
 
+/// Correlation of the deviations of successive repeats, of different conditions, from which on they are no noise, and how many
+/// standard errors it is above zero.
+const MIN_CORRELATION: f64 = 0.3;
+const MIN_ERRORS: f64 = 4.5;
+
+/// The noise of signals.
+pub(crate) struct Scatter {
+    /// As it is reported.
+    pub(crate) figure: Repeatability,
+    /// Of neighbouring rows how far each is off the others, in units in which it has the variance of the noise: axis by axis.
+    off_neighbours: Vec<Vec<f64>>,
+}
+
+impl Scatter {
+    /// What is left of each axis that proves something beside the noise: on the rows that fits see, `fitted` values of which
+    /// were fitted, and on those that they do not.
+    pub(crate) fn left(&self, experiment: &Experiment, after: &[f64], fitted: usize) -> Vec<AxisLeft> {
+        let n_axes = experiment.axes.len();
+        let of_rows = [false, true].map(|held_out| experiment.of_rows(after, held_out));
+        let axes = || (0..n_axes).filter(|&axis| experiment.axes[axis].proves());
+        let left = |axis: usize, k: usize| {
+            let (rows, fitted) = (of_axis(&of_rows[k], n_axes, axis), [fitted as f64 / n_axes as f64, 0.0][k]);
+            match self.off_neighbours.get(axis) {
+                Some(off) if !off.is_empty() => AxisLeft::beside_numbers(&rows, fitted, off, self.figure.dof),
+                _ => AxisLeft::beside(&rows, fitted, self.figure.axes[axis].value.powi(2), self.figure.dof),
+            }
+        };
+        [0, 1].iter().flat_map(|&k| axes().filter_map(move |axis| left(axis, k)).collect::<Vec<_>>()).collect()
+    }
+}
+
 /// The scatter of repeated rows; of few such rows, and of unfiltered ones, that between neighbours. `after` are the
 /// residuals of all rows with the effects selected.
-pub(crate) fn scatter(experiment: &Experiment, after: &[f64], is_filtered: bool) -> Option<Repeatability> {
+pub(crate) fn scatter(experiment: &Experiment, after: &[f64], is_filtered: bool) -> Option<Scatter> {
     repeated(experiment).or_else(|| if is_filtered { None } else { between_neighbours(experiment, after) })
 }
 
 /// Root mean square about the mean of each condition; `None` where few rows repeat others.
-fn repeated(experiment: &Experiment) -> Option<Repeatability> {
+fn repeated(experiment: &Experiment) -> Option<Scatter> {
     let conditions = experiment.channels.iter().filter(|(name, _)| !NOT_A_CONDITION.contains(&name.as_str()));
     let conditions: Vec<&Vec<f64>> = conditions.map(|(_, channel)| channel).collect();
     let mut alike: BTreeMap<Vec<u64>, Vec<usize>> = BTreeMap::new();
@@ -46,7 +83,36 @@ fn repeated(experiment: &Experiment) -> Option<Repeatability> {
     }
     let of = |rows: &Vec<usize>, axis| squares_of(residuals, n_axes, rows, axis);
     let square = |axis| alike.values().map(|rows| of(rows, axis)).sum::<f64>() / dof as f64;
-    Some(figure(experiment, (0..experiment.axes.len()).map(square).collect(), dof, RepeatedIn::Rows))
+    let without_steps = |axis| square(axis) * share_without_steps(&of_axis(residuals, n_axes, axis), alike.values());
+    let squares = (0..n_axes).map(|axis| with_rounding(experiment, axis, without_steps(axis))).collect();
+    Some(Scatter { figure: figure(experiment, squares, dof, RepeatedIn::Rows), off_neighbours: Vec::new() })
+}
+
+/// What share of the scatter of repeats remains without what successive conditions have in common: all of it, unless
+/// something changed between the repeats of many conditions at once, such as another robot that repeats a motion.
+fn share_without_steps<'a>(of: &[f64], alike: impl Iterator<Item = &'a Vec<usize>>) -> f64 {
+    let mut deviations: BTreeMap<usize, (usize, f64)> = BTreeMap::new();
+    for (condition, rows) in alike.filter(|rows| rows.len() > 1).enumerate() {
+        let mean = rows.iter().map(|&row| of[row]).sum::<f64>() / rows.len() as f64;
+        deviations.extend(rows.iter().map(|&row| (row, (condition, of[row] - mean))));
+    }
+    let deviations: Vec<(usize, f64)> = deviations.into_values().collect();
+    let pairs = deviations.windows(2).filter(|pair| pair[0].0 != pair[1].0);
+    let [both, squares, n] = pairs.fold([0.0; 3], |[both, squares, n], pair| {
+        let (a, b) = (pair[0].1, pair[1].1);
+        [both + a * b, squares + 0.5 * (a * a + b * b), n + 1.0]
+    });
+    let correlation = both / squares.max(f64::MIN_POSITIVE);
+    // The deviations of a condition sum to zero: two repeats are one number.
+    let errors = correlation * (0.5 * n).sqrt();
+    if correlation > MIN_CORRELATION && errors > MIN_ERRORS { 1.0 - correlation.min(1.0) } else { 1.0 }
+}
+
+/// A mean square of an axis with that of rounding, where what was measured is rounded to steps that it does not show.
+fn with_rounding(experiment: &Experiment, axis: usize, square: f64) -> f64 {
+    let Some(measured) = &experiment.measured else { return square };
+    let of_step = resolution::step(of_axis(measured, experiment.axes.len(), axis)).powi(2) / 12.0;
+    if square < 4.0 * of_step { square + of_step } else { square }
 }
 
 /// Leaves the rows that are farther off the median of their condition than noise ever is, as far as the median of the differences
@@ -78,7 +144,7 @@ fn squares_of(of: &[f64], n_axes: usize, rows: &[usize], axis: usize) -> f64 {
 }
 
 /// By the median of how far each row is off the mean of its neighbours, so that jumps do not count.
-fn between_neighbours(experiment: &Experiment, after: &[f64]) -> Option<Repeatability> {
+fn between_neighbours(experiment: &Experiment, after: &[f64]) -> Option<Scatter> {
     // Postures in which a tool is measured follow each other in any order.
     if experiment.kind.is_of_tool() {
         return None;
@@ -93,18 +159,32 @@ fn between_neighbours(experiment: &Experiment, after: &[f64]) -> Option<Repeatab
     if dof < MIN_DOF {
         return None;
     }
-    let square = |of: &[f64], axis: usize| {
+    let off = |of: &[f64], axis: usize| -> Vec<f64> {
         let at = |row: usize| of[row * n_axes + axis];
-        let off = inside.iter().map(|&row| (at(row) - 0.5 * (at(row - 1) + at(row + 1))).abs());
-        (median(off).expect("degrees of freedom come from rows inside") / MEDIAN_OF_NORMAL).powi(2) / BETWEEN_NEIGHBOURS
+        let off = |&row: &usize| (at(row) - 0.5 * (at(row - 1) + at(row + 1))) / BETWEEN_NEIGHBOURS.sqrt();
+        inside.iter().map(off).collect()
     };
+    let square = |off: &[f64]| (median(off.iter().map(|off| off.abs())).unwrap_or(0.0) / MEDIAN_OF_NORMAL).powi(2);
     let measured = experiment.measured.as_ref()?;
     let all: Vec<usize> = (0..rows.len()).collect();
     let varies = |axis: usize| squares_of(measured, n_axes, &all, axis) / rows.len() as f64;
     let sum = |of: &dyn Fn(usize) -> f64| (0..experiment.n_norm).map(of).sum::<f64>();
-    let is_motion = sum(&|axis| square(measured, axis)) < MOTION * MOTION * sum(&varies);
-    let squares = (0..n_axes).map(|axis| square(after, axis)).collect();
-    is_motion.then(|| figure(experiment, squares, dof, RepeatedIn::Neighbours))
+    let is_motion = sum(&|axis| square(&off(measured, axis))) < MOTION * MOTION * sum(&varies);
+    if !is_motion {
+        return None;
+    }
+    let mut off_neighbours: Vec<Vec<f64>> = (0..n_axes).map(|axis| off(after, axis)).collect();
+    let mut squares = Vec::new();
+    for (axis, off) in off_neighbours.iter_mut().enumerate() {
+        let own = square(off);
+        let rounded = with_rounding(experiment, axis, own);
+        if rounded > own {
+            // Numbers that stay on one step are nearer to each other than they are right.
+            off.clear();
+        }
+        squares.push(rounded);
+    }
+    Some(Scatter { figure: figure(experiment, squares, dof, RepeatedIn::Neighbours), off_neighbours })
 }
 
 /// The figure of these mean squares of the axes.

@@ -1,16 +1,18 @@
 //! The verdict on signals: what else explains them, what is not identifiable, what remains, and what is named.
 
 use crate::agreement;
-use crate::effect::Effect;
+use crate::effect::{Effect, Law};
 use crate::judge::far_rows::{are_too_many, far_rows_of_signals};
 use crate::judge::gate::{self, Evidence, MAX_LEFT, UNEXPLAINED_SHARE};
 use crate::judge::held_out::HeldOut;
+use crate::judge::lack_of_fit::exceeds_noise;
 use crate::judge::remaining::{self, Remaining};
+use crate::judge::scatter::{self, Scatter};
 use crate::judge::selected::SelectedSignals;
-use crate::judge::{Judgement, intervals, next_rows, scatter};
+use crate::judge::{Judgement, intervals, next_rows};
 use crate::linearise::experiment::{Candidate, Experiment};
 use crate::linearise::torque::is_ripple;
-use crate::outcome::{Alternative, Dependence, Repeatability, RepeatedIn, Structure, Verdict};
+use crate::outcome::{Alternative, Dependence, Regressor, RepeatedIn, Shape, Structure, Verdict};
 use crate::select::factored::judged;
 use crate::select::problem::RegressionProblem as _;
 use crate::select::significance::{RIVAL_LEVEL, STRUCTURE_LEVEL};
@@ -24,6 +26,12 @@ const FAR: f64 = 10.0;
 
 /// An error this many times that scatter, which continues from row to row, is none either.
 const FAR_WITH_MEMORY: f64 = 3.0;
+
+/// Steps whose moments differ by less than this share of the log are one event: moments are tried on a coarse grid.
+const AT_ONCE: f64 = 0.15;
+
+/// What is left of the orientation of a tool, root mean square over its axes, from which on the model is not its own.
+const MAX_TURN_RAD: f64 = 0.5;
 
 /// A candidate that would do as well in the place of an effect.
 struct Rival {
@@ -46,30 +54,41 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
     let doubtful = doubtful(selected, effects.is_empty(), &rivals);
     let Remaining { terms: mut remaining, share: left, over_noise } = remaining::remaining(problem, best);
     let after = problem.experiment.at(&best.fit.values);
-    let repeatability = scatter::scatter(&problem.experiment, &after, is_filtered);
+    let scatter = scatter::scatter(&problem.experiment, &after, is_filtered);
     let sigma = &best.weighting.sigma;
     let explained = agreement::signals::explained(&problem.experiment, &best.predicted);
-    let rest = Rest::of(&problem.experiment, &after, repeatability.as_ref());
+    let n_fitted = problem.indices(&best.fit.active).len();
+    let rest = Rest::of(&problem.experiment, &after, n_fitted, scatter.as_ref());
     let memory = if is_filtered { Vec::new() } else { remaining::memory(problem, best) };
     let has_shape = rest.is_beyond_neighbours && !memory.is_empty();
     if remaining.is_empty() && (effects.is_empty() || has_shape) {
         remaining = memory;
     }
+    let event = event(&problem.experiment, &effects);
+    let is_event = event.is_some();
+    remaining.splice(0..0, event);
     let is_any = !effects.is_empty() || !doubtful.is_empty();
     let is_wrong_in_part = is_wrong_in_part(selected);
     let evidence = Evidence {
-        agrees: selected.agreement.allows(selected.n_found(), explained),
+        agrees: selected.agreement.allows(selected.n_found(), explained)
+            && is_orientation_near(&problem.experiment, &after),
         named: effects.len(),
         is_ambiguous: !doubtful.is_empty(),
         was_beyond_noise: is_wrong_in_part
+            || rest.is_beyond_repeats
             || !remaining.is_empty()
             || is_any && chance_of_gain(selected) < STRUCTURE_LEVEL,
         is_left: is_wrong_in_part
+            || is_event
             || left > UNEXPLAINED_SHARE
             || over_noise > MAX_LEFT
-            || rest.is_far_from_repeats
+            || rest.is_beyond_repeats
+            || rest.is_far_from_neighbours
             || has_shape,
-        is_mainly_taken: left < MAX_PARTLY_LEFT && is_halved(&problem.experiment, &after),
+        is_mainly_taken: !is_event
+            && left < MAX_PARTLY_LEFT
+            && is_halved(&problem.experiment, &after)
+            && scatter.as_ref().is_none_or(|scatter| is_excess_taken(&problem.experiment, &after, scatter)),
         held_out_falls: match pooled {
             Some(pooled) => pooled.falls(sigma, problem.experiment.n_norm),
             None => HeldOut::of(selected).falls(sigma, problem.experiment.n_norm),
@@ -81,7 +100,12 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
         effects.clear();
     }
     let unconfirmed = unconfirmed(selected, &effects);
-    let next_measurement = (!doubtful.is_empty()).then(|| next_rows::proposal(problem, best, &doubtful));
+    let asks_for_repeats =
+        matches!(verdict, Verdict::PartlyExplained | Verdict::TooLittleData) && !evidence.is_noise_known();
+    let next_measurement = match () {
+        () if !doubtful.is_empty() => Some(next_rows::proposal(problem, best, &doubtful)),
+        () => asks_for_repeats.then(|| next_rows::to_repeat(problem)),
+    };
     let alternatives = alternatives(selected, &rivals);
     Judgement {
         verdict,
@@ -89,7 +113,8 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
         alternatives,
         unobservable,
         unconfirmed,
-        repeatability,
+        repeatability: scatter.map(|scatter| scatter.figure),
+        is_noise_known: evidence.is_noise_known(),
         structure: None,
         remaining: structure(remaining),
         next_measurement,
@@ -151,33 +176,82 @@ fn is_halved(experiment: &Experiment, after: &[f64]) -> bool {
     size(after) < MAX_PARTLY_LEFT * size(&experiment.residuals)
 }
 
+/// The moment at which several joints change at once: that is one cause, such as what the tool carries, and no law of each of them.
+fn event(experiment: &Experiment, effects: &[Effect]) -> Option<Dependence> {
+    let steps = effects.iter().filter(|effect| effect.law == Law::StepInTime);
+    let moments: Vec<f64> = steps
+        .filter_map(|step| step.values.iter().find(|value| value.ci95.is_none()).map(|moment| moment.value))
+        .collect();
+    let times = || experiment.rows.iter().map(|row| row.time_s);
+    let length_s = times().fold(f64::MIN, f64::max) - times().fold(f64::MAX, f64::min);
+    let is_together = |a: &f64| moments.iter().filter(|b| (*a - **b).abs() < AT_ONCE * length_s).count() > 1;
+    let moment = moments.iter().find(|moment| is_together(moment))?;
+    Some(Dependence {
+        axis: None,
+        regressor: Regressor::Time,
+        variable: format!("time, at several joints from {moment:.1} s after the start on"),
+        shape: Shape::Step,
+        frame: None,
+        share: 1.0,
+        p: None,
+        held_out_gain: None,
+        curve: Vec::new(),
+        terms: Vec::new(),
+    })
+}
+
+/// Whether effects take most of what was beyond the scatter of repeated rows (mean squares of the norm).
+fn is_excess_taken(experiment: &Experiment, after: &[f64], scatter: &Scatter) -> bool {
+    if scatter.figure.repeated_in != RepeatedIn::Rows {
+        return true;
+    }
+    let excess = |residuals: &[f64]| {
+        let size = agreement::training::size(experiment, &experiment.of_rows(residuals, false));
+        size.powi(2) - scatter.figure.norm.value.powi(2)
+    };
+    excess(after) < UNEXPLAINED_SHARE * excess(&experiment.residuals)
+}
+
+/// Whether a model shows the way that a measured tool is turned: it is another one, or the log is read in another way, where what
+/// is left of the orientation is an angle that no error of a robot makes.
+fn is_orientation_near(experiment: &Experiment, after: &[f64]) -> bool {
+    let axes = (experiment.n_norm..experiment.axes.len()).filter(|&axis| experiment.axes[axis].unit == "rad");
+    let squares: Vec<f64> = axes.map(|axis| experiment.mean_square(after, axis)).collect();
+    !experiment.kind.is_of_tool() || squares.iter().sum::<f64>().sqrt() < MAX_TURN_RAD
+}
+
 /// The error that is left, next to the scatter of the rows.
 struct Rest {
-    /// Whether it is far larger than the scatter of rows under the same conditions.
-    is_far_from_repeats: bool,
+    /// Whether it exceeds the scatter of rows under the same conditions, on any axis.
+    is_beyond_repeats: bool,
+    /// Whether it is far larger than the scatter of neighbouring rows.
+    is_far_from_neighbours: bool,
     /// Whether the error, without rows that are far off, is several times the scatter of neighbouring rows: something is left where it
     /// continues from row to row as well.
     is_beyond_neighbours: bool,
-    /// Degrees of freedom of the scatter; none where the error, without rows that are far off, is far larger than that of
-    /// neighbouring rows: they do not have all of the noise, and show neither that something is left nor that nothing is.
+    /// Degrees of freedom of the scatter; none where the error exceeds that of neighbouring rows on any axis: they do not have all of
+    /// the noise, and show neither that something is left nor that nothing is.
     noise_dof: usize,
 }
 
 impl Rest {
-    fn of(experiment: &Experiment, after: &[f64], scatter: Option<&Repeatability>) -> Self {
-        let nothing = Self { is_far_from_repeats: false, is_beyond_neighbours: false, noise_dof: 0 };
+    fn of(experiment: &Experiment, after: &[f64], n_fitted: usize, scatter: Option<&Scatter>) -> Self {
+        let nothing =
+            Self { is_beyond_repeats: false, is_far_from_neighbours: false, is_beyond_neighbours: false, noise_dof: 0 };
         let Some(scatter) = scatter else { return nothing };
-        let (rows, noise) = (experiment.of_rows(after, false), scatter.norm.value);
-        match scatter.repeated_in {
-            RepeatedIn::Rows => {
-                let is_far_from_repeats = experiment.norm(&rows).is_some_and(|error| error > MAX_LEFT * noise);
-                Self { is_far_from_repeats, noise_dof: scatter.dof, ..nothing }
-            }
+        let (exceeds, dof) = (exceeds_noise(&scatter.left(experiment, after, n_fitted)), scatter.figure.dof);
+        match scatter.figure.repeated_in {
+            RepeatedIn::Rows => Self { is_beyond_repeats: exceeds, noise_dof: dof, ..nothing },
             RepeatedIn::Neighbours => {
+                let (rows, noise) = (experiment.of_rows(after, false), scatter.figure.norm.value);
                 let size = agreement::training::size(experiment, &rows);
-                let noise_dof = if size > MAX_LEFT * noise { 0 } else { scatter.dof };
                 let is = |times: f64| noise > 0.0 && size > times * noise;
-                Self { is_far_from_repeats: is(FAR), is_beyond_neighbours: is(FAR_WITH_MEMORY), noise_dof }
+                Self {
+                    is_far_from_neighbours: is(FAR),
+                    is_beyond_neighbours: is(FAR_WITH_MEMORY),
+                    noise_dof: if exceeds { 0 } else { dof },
+                    ..nothing
+                }
             }
         }
     }

@@ -114,12 +114,14 @@ pub(super) fn panda() -> Robot {
     robot
 }
 
-/// What is named: the laws, each with its place, and the verdict where it is another.
+/// What is named: the laws, each with its place, and the verdict where it names none. No row is repeated, so that no verdict says that
+/// nothing else is left.
 pub(super) fn named(found: &Diagnosis) -> String {
     let effects =
         found.effects.iter().map(|effect| format!("{} {}", effect.law, effect.site.code.split(" (").next().unwrap()));
     let effects = effects.collect::<Vec<_>>().join(" + ");
-    if found.verdict == Verdict::EffectFound { effects } else { format!("{} {effects}", found.verdict) }
+    assert!(!matches!(found.verdict, Verdict::EffectFound | Verdict::NoEffect), "{:?}", found.plain);
+    if found.verdict.names_effects() { effects } else { format!("{} {effects}", found.verdict) }
 }
 
 pub(super) fn cases() -> [(&'static str, Fault); 9] {

@@ -179,6 +179,13 @@ pub fn demean(values: &[f64]) -> Vec<f64> {
     values.iter().map(|value| value - mean).collect()
 }
 
+/// Sizes without the largest hundredth of them, at least one.
+pub(crate) fn without_farthest(mut sizes: Vec<f64>) -> Vec<f64> {
+    sizes.sort_unstable_by(f64::total_cmp);
+    sizes.truncate(sizes.len().saturating_sub(sizes.len().div_ceil(100)));
+    sizes
+}
+
 /// √(mean of squares).
 pub fn root_mean_square(values: &[f64]) -> f64 {
     (values.iter().map(|value| value * value).sum::<f64>() / values.len().max(1) as f64).sqrt()

@@ -44,7 +44,7 @@ impl Resolution {
 }
 
 /// The largest step of which all numbers are multiples, from the least on; 0 where there is none.
-fn step(mut numbers: Vec<f64>) -> f64 {
+pub(crate) fn step(mut numbers: Vec<f64>) -> f64 {
     numbers.sort_unstable_by(f64::total_cmp);
     numbers.dedup();
     if numbers.len() < MIN_NUMBERS {

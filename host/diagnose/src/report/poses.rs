@@ -2,7 +2,7 @@
 
 use crate::judge::far_rows::far_rows;
 use crate::judge::selected::SelectedPoses;
-use crate::measurement::root_mean_square;
+use crate::measurement::{root_mean_square, without_farthest};
 use crate::outcome::{
     AxisFigure, BeforeAfter, ErrorFigure, Errors, Measured, Number, Outlier, Point, Rows, SelectionStep, Visit,
 };
@@ -27,6 +27,7 @@ pub(crate) fn summary(
         model: Some(arm.model.number),
         rows: Rows { train, held_out: if own == 0 { train } else { own } },
         held_out: held_out(selected),
+        is_cross_validated: own == 0,
         left_out: "words",
         error: BeforeAfter {
             before: errors(arm, problem, &arm.model, &nominal)?,
@@ -117,5 +118,6 @@ fn error_figure(arm: &Arm, observations: &Observations, residuals: &[f64]) -> Er
         axes,
         norm: Number::new(root_mean_square(&distances), "m"),
         largest: Number::new(distances.iter().copied().fold(0.0, f64::max), "m"),
+        without_farthest: Number::new(root_mean_square(&without_farthest(distances)), "m"),
     }
 }

@@ -12,8 +12,8 @@ use crate::judge::far_rows::are_too_many;
 use crate::judge::fitted_terms::WithTerms;
 use crate::linearise::arm_candidates::{place_name, term_name};
 use crate::outcome::{
-    self, Alternative, BeforeAfter, Dependence, Diagnosis, ErrorFigure, NextMeasurement, OtherReading, Regressor,
-    Verdict,
+    self, Alternative, BeforeAfter, Dependence, Diagnosis, ErrorFigure, NextMeasurement, Number, OtherReading,
+    Regressor, RepeatedIn, Verdict,
 };
 use crate::prepare::repeatability::MIN_DOF;
 use crate::rejection::Rejection;
@@ -79,6 +79,13 @@ pub(crate) fn of_signals(diagnosis: &Diagnosis) -> Vec<String> {
     }
     sentences.extend(diagnosis.next_measurement.as_ref().map(next_sentence));
     for dependence in &diagnosis.remaining.depends_on {
+        if dependence.axis.is_none() {
+            sentences.push(format!(
+                "Residual changes with {dependence}: one cause, such as what the tool carries. Add a column `payload`, 0 before and 1 \
+                 from then on, and diagnose again."
+            ));
+            continue;
+        }
         let axis = dependence.axis.as_deref().unwrap_or_default();
         let share = 100.0 * dependence.share;
         sentences.push(format!("Residual of {axis} correlates with {dependence} ({share:.0} % of its mean square)."));
@@ -106,12 +113,17 @@ fn verdict(diagnosis: &Diagnosis) -> String {
             let [before, after] =
                 [&diagnosis.error.before, &diagnosis.error.after].map(|errors| errors.held_out_or_train().norm.value);
             let share = 100.0 * (1.0 - (after / before).powi(2)).max(0.0);
-            format!(
-                "The model is missing an effect that was found; it takes {share:.0} % of the mean square error, and more than \
-                 noise is left."
-            )
+            let rest = match diagnosis.is_noise_known {
+                true => "and more than noise is left".into(),
+                false => format!("and whether more is missing is not known: {}", unknown_noise(diagnosis)),
+            };
+            format!("The model is missing an effect that was found; it takes {share:.0} % of the mean square error, {rest}.")
         }
-        Verdict::NoEffect => "No missing effect found: no effect that was tried predicts held-out rows better.".into(),
+        Verdict::NoEffect => {
+            "No missing effect found: the error exceeds the noise on no axis, as well as the noise is known, and no effect that was \
+             tried predicts held-out rows better."
+                .into()
+        }
         Verdict::UnexplainedStructure => {
             "The measurement differs from the model by more than noise, and no known effect explains it.".into()
         }
@@ -119,17 +131,34 @@ fn verdict(diagnosis: &Diagnosis) -> String {
             "The model is missing an effect, but these data do not identify which of several it is.".into()
         }
         Verdict::WrongModelOrLog => wrong_model_or_log(diagnosis),
-        Verdict::TooLittleData if is_noise_known(diagnosis) => {
+        Verdict::TooLittleData if diagnosis.is_noise_known => {
             "No missing effect found: effects that fit the training rows do not lower the error on the held-out rows."
                 .into()
         }
-        Verdict::TooLittleData => {
-            let dof = diagnosis.repeatability.as_ref().map_or(0, |repeatability| repeatability.dof);
+        Verdict::TooLittleData => format!(
+            "No missing effect found, and these data cannot show that there is none: {}.",
+            unknown_noise(diagnosis)
+        ),
+    }
+}
+
+/// Why the noise is not known, and what to do.
+fn unknown_noise(diagnosis: &Diagnosis) -> String {
+    match &diagnosis.repeatability {
+        None => "no rows repeat each other, so that the noise is not known. Repeat some of the rows".into(),
+        Some(noise) if noise.repeated_in == RepeatedIn::Neighbours => {
+            let (error, unit) = readable(&diagnosis.error.after.held_out_or_train().norm);
             format!(
-                "No missing effect found, and these data cannot show that there is none: the repeatability rests on {dof} \
-                 degrees of freedom, {MIN_DOF} are needed. Repeat some of the rows."
+                "the error of {} {unit} is larger than the scatter of neighbouring rows, {} {unit}, which may not have all of \
+                 the noise. Repeat the motion, or some of the rows",
+                short(error),
+                short(readable(&noise.norm).0)
             )
         }
+        Some(noise) => format!(
+            "the repeatability rests on {} degrees of freedom, {MIN_DOF} are needed. Repeat some of the rows",
+            noise.dof
+        ),
     }
 }
 
@@ -159,30 +188,33 @@ fn wrong_model_or_log(diagnosis: &Diagnosis) -> String {
     }
 }
 
-fn is_noise_known(diagnosis: &Diagnosis) -> bool {
-    diagnosis.repeatability.as_ref().is_some_and(|repeatability| repeatability.dof >= MIN_DOF)
-}
-
-/// `Held-out error 11.2 → 0.30 mm (repeatability 0.31 mm, 120 degrees of freedom; held out: …)`.
+/// `Held-out error 11.2 → 0.30 mm (repeatability 0.31 mm, 120 degrees of freedom; held out: …)`; of rows that chose the effects,
+/// each left out in turn, `Cross-validated error …`.
 fn error_sentence(diagnosis: &Diagnosis) -> Option<String> {
     let [before, after] = [&diagnosis.error.before, &diagnosis.error.after].map(|errors| errors.held_out.as_ref());
-    let (before, after) = (readable(&before?.norm), readable(&after?.norm));
+    let (before, after) = (before?, after?);
+    let fall = |of: fn(&ErrorFigure) -> &Number| {
+        let [(before, _), (after, unit)] = [before, after].map(|figure| readable(of(figure)));
+        format!("{} → {} {unit}", short(before), short(after))
+    };
     let noise = diagnosis.repeatability.as_ref().map_or(String::new(), |repeatability| {
         let (value, unit) = readable(&repeatability.norm);
         format!("repeatability {} {unit} with {} degrees of freedom; ", short(value), repeatability.dof)
     });
+    let without = match after.without_farthest.value < SHOWN * after.norm.value {
+        true => format!("without the farthest hundredth of the rows {}; ", fall(|figure| &figure.without_farthest)),
+        false => String::new(),
+    };
     let hardly = if is_hardly_shown(diagnosis) {
         " The held-out rows show little of these effects: hold out rows with the states and conditions in which they act."
     } else {
         ""
     };
-    Some(format!(
-        "Held-out error {} → {} {} ({noise}held out: {}).{hardly}",
-        short(before.0),
-        short(after.0),
-        after.1,
-        diagnosis.held_out
-    ))
+    let (error, rows) = match diagnosis.is_cross_validated {
+        true => ("Cross-validated error", "left out"),
+        false => ("Held-out error", "held out"),
+    };
+    Some(format!("{error} {} ({without}{noise}{rows}: {}).{hardly}", fall(|figure| &figure.norm), diagnosis.held_out))
 }
 
 /// Whether effects that are named lower the error on the training rows, and that on the held-out rows by little.
@@ -199,7 +231,7 @@ fn next_sentence(next: &NextMeasurement) -> String {
     if next.words.is_empty() {
         let lines: Vec<String> = next.rows.iter().map(|row| row.line.to_string()).collect();
         return format!(
-            "Measure next: repeat the conditions of lines {} (most informative) to distinguish {}.",
+            "Measure next: repeat the conditions of lines {} to distinguish {}.",
             lines.join(", "),
             next.distinguishes
         );

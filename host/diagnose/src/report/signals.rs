@@ -4,6 +4,7 @@ use crate::judge::far_rows::far_rows_of_signals;
 use crate::judge::held_out::HeldOut;
 use crate::judge::selected::SelectedSignals;
 use crate::linearise::experiment::{Axis, Experiment};
+use crate::measurement::{root_mean_square, without_farthest};
 use crate::outcome::{AxisFigure, BeforeAfter, ErrorFigure, Errors, Number, Outlier, Point, Rows};
 use crate::prepare::groups::Row;
 use crate::report::Summary;
@@ -23,6 +24,7 @@ pub(crate) fn summary(selected: &SelectedSignals, pooled: Option<&HeldOut>, seed
         model: None,
         rows: Rows { train: problem.groups.training.len(), held_out: n_held_out / experiment.axes.len() },
         held_out: selected.held_out.clone(),
+        is_cross_validated: false,
         left_out: problem.groups.left_out,
         error: BeforeAfter {
             before: errors(experiment, &experiment.residuals, pooled.map(|pooled| &pooled.before[..])),
@@ -42,7 +44,7 @@ pub(crate) fn summary(selected: &SelectedSignals, pooled: Option<&HeldOut>, seed
 fn errors(experiment: &Experiment, residuals: &[f64], held_out: Option<&[f64]>) -> Errors {
     let own = experiment.of_rows(residuals, true);
     let zero = Number::new(0.0, experiment.unit());
-    let empty = || ErrorFigure { axes: Vec::new(), norm: zero, largest: zero };
+    let empty = || ErrorFigure { axes: Vec::new(), norm: zero, largest: zero, without_farthest: zero };
     Errors {
         train: figure(experiment, &experiment.of_rows(residuals, false)).unwrap_or_else(empty),
         held_out: figure(experiment, held_out.unwrap_or(&own)),
@@ -55,11 +57,12 @@ fn figure(experiment: &Experiment, residuals: &[f64]) -> Option<ErrorFigure> {
         let value = experiment.mean_square(residuals, k).sqrt();
         AxisFigure { axis: axis.name.clone(), value, unit: axis.unit }
     };
-    let norms = residuals.chunks(experiment.axes.len()).map(|row| size(&row[..experiment.n_norm]));
+    let norms: Vec<f64> = residuals.chunks(experiment.axes.len()).map(|row| size(&row[..experiment.n_norm])).collect();
     Some(ErrorFigure {
         norm: Number::new(experiment.norm(residuals)?, experiment.unit()),
         axes: experiment.axes.iter().enumerate().map(axis).collect(),
-        largest: Number::new(norms.fold(0.0, f64::max), experiment.unit()),
+        largest: Number::new(norms.iter().copied().fold(0.0, f64::max), experiment.unit()),
+        without_farthest: Number::new(root_mean_square(&without_farthest(norms)), experiment.unit()),
     })
 }
 

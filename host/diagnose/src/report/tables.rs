@@ -104,7 +104,7 @@ fn errors_table(d: &Diagnosis) -> Markup {
             }
             tbody {
                 @for (name, n, figure) in rows {
-                    @if let Some(ErrorFigure { axes, norm, largest }) = figure {
+                    @if let Some(ErrorFigure { axes, norm, largest, .. }) = figure {
                         tr {
                             td { (name) }
                             td.num { (n) }

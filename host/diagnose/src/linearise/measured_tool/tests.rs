@@ -112,16 +112,20 @@ fn columns_are_derivatives_of_positions_and_orientations() {
     }
 }
 
-/// A tool in postures that are each measured four times, where the positions are those of the rows `late` before.
-fn measured_late(late: usize) -> Verdict {
+/// A tool in postures that are each measured four times, where the positions are those of the rows `late` before, and each posture is off
+/// by an error of its own.
+fn measured_in_places(late: usize, per_posture_m: f64) -> Verdict {
     let robot = panda();
     let (mut random, faulty) = (ChaCha8Rng::seed_from_u64(SEED), Faulty::new(&robot, Fault::None));
     let postures: Vec<Vec<f64>> = (0..POSTURES).map(|_| posture(&robot, &mut random)).collect();
-    let rows: Vec<&Vec<f64>> = postures.iter().take(POSTURES / 3).flat_map(|q| [q; 4]).collect();
+    let rows: Vec<usize> = (0..POSTURES / 3).flat_map(|k| [k; 4]).collect();
+    let errors: Vec<Vec3<f64>> = postures.iter().map(|_| normal(&mut random) * per_posture_m).collect();
     let mut text = String::from("q1,q2,q3,q4,q5,q6,q7,x,y,z\n");
     for row in late..rows.len() {
-        let seen = faulty.touch(rows[row - late]).0 + normal(&mut random) * NOISE_M;
-        let numbers: Vec<String> = rows[row][..JOINTS].iter().chain(seen.iter()).map(f64::to_string).collect();
+        let at = rows[row - late];
+        let seen = faulty.touch(&postures[at]).0 + errors[at] + normal(&mut random) * NOISE_M;
+        let numbers: Vec<String> =
+            postures[rows[row]][..JOINTS].iter().chain(seen.iter()).map(f64::to_string).collect();
         text += &format!("{}\n", numbers.join(","));
     }
     let table = Table::read_text(Path::new("a.csv"), text.as_bytes(), &Names::new()).unwrap().0;
@@ -134,7 +138,7 @@ fn measured_late(late: usize) -> Verdict {
 #[test]
 fn positions_of_other_rows_are_no_noise() {
     assert_eq!(
-        [0, 1, 4].map(measured_late),
+        [0, 1, 4].map(|late| measured_in_places(late, 0.0)),
         [Verdict::NoEffect, Verdict::UnexplainedStructure, Verdict::WrongModelOrLog]
     );
 }
@@ -177,4 +181,12 @@ fn a_quaternion_in_another_order_or_of_the_inverse_turn_is_recognised() {
     assert_eq!(reading([3, 0, 1, 2], false), quaternion(['w', 'x', 'y', 'z'], false));
     assert_eq!(reading([1, 2, 3, 0], true), quaternion(['y', 'z', 'w', 'x'], true));
     assert_eq!(reading([0, 1, 2, 3], true), quaternion(['x', 'y', 'z', 'w'], true));
+}
+
+/// No law has an error that is another one in each posture; repeats in place show how small the noise is.
+#[test]
+fn an_error_of_each_posture_is_no_noise() {
+    for times in [2.0, 5.0] {
+        assert_eq!(measured_in_places(0, times * NOISE_M), Verdict::UnexplainedStructure, "{times} times the noise");
+    }
 }

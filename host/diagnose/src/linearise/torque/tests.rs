@@ -273,6 +273,16 @@ fn what_is_carried_in_a_part_of_the_rows_is_named_alone_with_its_mass() {
     holds(values["m·cz"], 0.2, 0.1);
 }
 
+/// Without a column `payload` the moment is that of one cause, and steps of the joints' torques are no names for it.
+#[test]
+fn what_is_carried_from_some_time_on_is_no_offset_of_each_joint() {
+    let (empty, full) = (tx40(), loaded(6.0, Vec3::new(0.03, 0.0, 0.1)));
+    let from_s = 0.6 * STEP_S * f64::from(ROWS);
+    let found = diagnosed(|t| (torque(if t < from_s { &empty } else { &full }, &state(t)), 0));
+    assert_ne!(found.verdict, Verdict::EffectFound, "{:?}", found.plain);
+    assert!(!found.effects.iter().any(|effect| effect.law == Law::StepInTime), "{:?}", found.plain);
+}
+
 #[test]
 fn what_is_carried_in_all_rows_is_a_part_of_the_link_that_carries_it() {
     let full = loaded(2.0, Vec3::new(0.03, 0.0, 0.1));
