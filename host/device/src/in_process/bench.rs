@@ -13,7 +13,7 @@ use darm_core::wire::bootstrap::RebootTarget;
 use darm_firmware::control::TICK;
 
 use super::Stepped;
-use super::board::{self, Pin, Wires};
+use super::board::{self, ChainFaults, Pin, Wires};
 use super::flash::MemoryFlash;
 use crate::plant::Plant;
 use crate::plant::chain::{Chain, ChainPins};
@@ -66,6 +66,7 @@ pub struct Bench {
     now_ns: u64,
     tick_ns: u64,
     polls: usize,
+    chain_faults: ChainFaults,
     /// For this time the flash lets nothing run.
     paused: Micros,
     /// Switch inputs that read the opposite of the plant's switches.
@@ -91,6 +92,7 @@ impl Bench {
             now_ns: 0,
             tick_ns: TICK_NS,
             polls: POLLS,
+            chain_faults: ChainFaults::default(),
             paused: Micros(0),
             inverted: 0,
             edges: Vec::new(),
@@ -165,6 +167,17 @@ impl Bench {
         self.wires.button.set(pressed);
     }
 
+    /// Breaks or repairs what is between the board and its chain, from now on.
+    pub fn break_chain(&mut self, faults: ChainFaults) {
+        self.chain_faults = faults;
+        self.wires.faults.set(faults);
+    }
+
+    /// What is wrong between the board and its chain.
+    pub fn chain_faults(&self) -> ChainFaults {
+        self.chain_faults
+    }
+
     /// Limit switches as the board's pins show them: bit `i` is input `i`, set when closed.
     pub fn inputs(&self) -> u32 {
         self.wires.switches.get()
@@ -223,6 +236,7 @@ impl Bench {
 
     fn start(&mut self) {
         self.wires.button.set(self.button);
+        self.wires.faults.set(self.chain_faults);
         let firmware = board::run(self.wires.clone(), self.flash.clone(), self.used.clone());
         self.firmware = Some(Box::pin(firmware));
     }

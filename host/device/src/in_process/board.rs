@@ -24,7 +24,7 @@ use darm_firmware::life::{Pulse, Task};
 use darm_firmware::log::LogMemory;
 use darm_firmware::pipe::{Pipe, PipeReader, PipeWriter};
 use darm_firmware::servo::Bus;
-use darm_firmware::solenoid::{self, Chain};
+use darm_firmware::solenoid::{self, Chain, ReadBack};
 use darm_firmware::store::SLOT_BYTES;
 use darm_firmware::tick::{Care, Ticker};
 use embassy_futures::select::{Either3, select3};
@@ -48,6 +48,15 @@ pub enum Pin {
     Latch,
     /// Output enable, active low.
     Enable,
+}
+
+/// What is wrong between the board and its chain.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ChainFaults {
+    /// The wire from the serial output of the last chip is cut: it reads low.
+    pub return_cut: bool,
+    /// Output enable reads low, whatever the board drives.
+    pub enable_low: bool,
 }
 
 /// Board time that the simulation advances.
@@ -82,6 +91,10 @@ pub(super) struct Wires {
     pub(super) switches: Cell<u32>,
     /// A person holds the user button.
     pub(super) button: Cell<bool>,
+    /// What is wrong with the chain.
+    pub(super) faults: Cell<ChainFaults>,
+    /// The stages of the shift registers, that of the last chip highest.
+    stages: Cell<u64>,
     /// Pins that are high, by bit of [`Pin`].
     levels: Cell<u8>,
     /// Edges since they were taken last.
@@ -99,6 +112,8 @@ impl Default for Wires {
             bus_out: Pipe::default(),
             switches: Cell::new(0),
             button: Cell::new(false),
+            faults: Cell::default(),
+            stages: Cell::new(0),
             levels: Cell::new(1 << Pin::Enable as u8),
             edges: RefCell::default(),
         }
@@ -111,6 +126,9 @@ impl Wires {
         let (levels, bit) = (self.levels.get(), 1 << pin as u8);
         if (levels & bit != 0) != high {
             self.levels.set(levels ^ bit);
+            if pin == Pin::Clock && high {
+                self.stages.set(self.stages.get() << 1 | u64::from(levels >> Pin::Data as u8 & 1));
+            }
             self.edges.borrow_mut().push((pin, high));
         }
     }
@@ -142,7 +160,25 @@ impl OutputPin for Wire {
 
 impl InputPin for Wire {
     fn is_high(&mut self) -> Result<bool, Infallible> {
-        Ok(self.0.levels.get() >> self.1 as u8 & 1 != 0)
+        let is_stuck = self.1 == Pin::Enable && self.0.faults.get().enable_low;
+        Ok(!is_stuck && self.0.levels.get() >> self.1 as u8 & 1 != 0)
+    }
+
+    fn is_low(&mut self) -> Result<bool, Infallible> {
+        self.is_high().map(|is_high| !is_high)
+    }
+}
+
+/// The serial output of the last chip, wired back to an input.
+struct FarEnd(Rc<Wires>);
+
+impl ErrorType for FarEnd {
+    type Error = Infallible;
+}
+
+impl InputPin for FarEnd {
+    fn is_high(&mut self) -> Result<bool, Infallible> {
+        Ok(!self.0.faults.get().return_cut && self.0.stages.get() >> 63 == 1)
     }
 
     fn is_low(&mut self) -> Result<bool, Infallible> {
@@ -152,7 +188,7 @@ impl InputPin for Wire {
 
 /// The pins of the control tick.
 struct BoardPins {
-    chain: solenoid::Pins<Wire, Wire, Wire, Wire>,
+    chain: ReadBack<Wire, Wire, Wire, Wire, FarEnd>,
     wires: Rc<Wires>,
 }
 
@@ -160,13 +196,26 @@ impl BoardPins {
     fn new(wires: &Rc<Wires>) -> Self {
         let pin = |pin| Wire(wires.clone(), pin);
         let [data, clock, latch, enable] = [Pin::Data, Pin::Clock, Pin::Latch, Pin::Enable].map(pin);
-        Self { chain: solenoid::Pins { data, clock, latch, enable }, wires: wires.clone() }
+        let chain = ReadBack::new(solenoid::Pins { data, clock, latch, enable }, FarEnd(wires.clone()));
+        Self { chain, wires: wires.clone() }
     }
 }
 
 impl Chain for BoardPins {
     fn shift(&mut self, lines: u64) {
         self.chain.shift(lines);
+    }
+
+    fn verify(&mut self, lines: u64) -> Option<bool> {
+        self.chain.verify(lines)
+    }
+
+    fn prime(&mut self) {
+        self.chain.prime();
+    }
+
+    fn count(&mut self) -> Option<u8> {
+        self.chain.count()
     }
 
     fn set_enabled(&mut self, enabled: bool) {

@@ -24,7 +24,7 @@ use crate::link::{Link, LinkError};
 use crate::plant::camera::{Camera, Film};
 use crate::plant::{Broken, Plant, PlantState};
 pub use bench::{Bench, Physical};
-pub use board::{DEVICE, Pin};
+pub use board::{ChainFaults, DEVICE, Pin};
 pub use chip::Chip;
 pub use flash::{FlashError, MemoryFlash};
 
