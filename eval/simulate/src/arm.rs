@@ -16,7 +16,7 @@ use crate::judge::reports::KnownTable;
 use crate::judge::servos::MAX_BEND_STEPS;
 use crate::judge::{Ceilings, LatchCeiling, LineCeiling, ServoCeiling, SwitchCeiling};
 
-/// Input of the emergency stop, which closes when it is pressed; no actuator's switch is there.
+/// Input of the emergency stop; no actuator's switch is there.
 pub const EMERGENCY_STOP: u8 = 12;
 /// The board promises to shift unchanged lines again so often, ms.
 const REFRESH_MS: u32 = 100;
@@ -88,6 +88,8 @@ pub struct ArmPlan {
     pub new_loads: u8,
     /// The window, ms.
     pub budget_ms: u16,
+    /// The contact of the emergency stop opens when it is pressed.
+    pub stop_opens: bool,
 }
 
 impl ArmPlan {
@@ -97,7 +99,8 @@ impl ArmPlan {
         let top: u8 = if rng.random_bool(0.5) { 24 } else { 64 };
         let mut lines: Vec<u8> = (0..top).collect();
         lines.shuffle(rng);
-        let mut arm = Self { coils: Vec::new(), actuators: Vec::new(), servos: Vec::new(), new_loads: 0, budget_ms: 0 };
+        let (coils, actuators, servos) = (Vec::new(), Vec::new(), Vec::new());
+        let mut arm = Self { coils, actuators, servos, new_loads: 0, budget_ms: 0, stop_opens: false };
         for index in 0..rng.random_range(1..=8u8) {
             let states = *[2, 2, 2, 3, 4].get(rng.random_range(0..5usize)).unwrap_or(&2);
             let kind = rng.random_range(0..4u8);
@@ -179,7 +182,7 @@ impl ArmPlan {
 
     /// The profile that a person has written to the board: it allows just this arm.
     pub fn profile(&self) -> BoardProfile {
-        let emergency_stop = Some(EmergencyStop { input: EMERGENCY_STOP, opens: false });
+        let emergency_stop = Some(EmergencyStop { input: EMERGENCY_STOP, opens: self.stop_opens });
         let mut profile = Profile { emergency_stop, ..Profile::of(&self.wiring()) };
         for (servo, plan) in profile.servos.iter_mut().zip(&self.servos) {
             servo.fallback = if plan.is_released { Fallback::Release } else { Fallback::Hold };
@@ -208,6 +211,24 @@ impl ArmPlan {
             }
         }
         wiring
+    }
+
+    /// One of the latches, if there are any: its coil, and its pulse in ms.
+    pub fn latch(&self, seed: u64) -> Option<(u8, u16)> {
+        let latches: Vec<(u8, u16)> = (0u8..)
+            .zip(&self.coils)
+            .filter_map(|(coil, plan)| if let DrivePlan::Latch(.., ms) = plan.drive { Some((coil, ms)) } else { None })
+            .collect();
+        latches.get(seed as usize % latches.len().max(1)).copied()
+    }
+
+    /// One of the coils with a peak where there are any, else one of all.
+    pub fn peaking(&self, seed: u64) -> u8 {
+        let has_peak = |(_, coil): &(u8, &CoilPlan)| matches!(coil.drive, DrivePlan::PeakHold(..));
+        let coils = || (0u8..).zip(&self.coils);
+        let n = coils().filter(has_peak).count();
+        let picked = coils().filter(has_peak).nth(seed as usize % n.max(1));
+        picked.map_or((seed as usize % self.coils.len().max(1)) as u8, |(coil, _)| coil)
     }
 
     /// The line that a short command of a coil switches on exactly once; `None` for a latch, which may be set already.

@@ -127,6 +127,9 @@ impl<'s> Host<'s> {
             HostAct::TurnUnder(fault, mrad) => return self.turn_under(fault, 1e-3 * mrad as f32, seed),
             HostAct::LateHello => return self.late_hello(seed),
             HostAct::WriteProfile(is_attended) => return self.write_profile(is_attended),
+            HostAct::PlayContradicted(is_closed) => return self.play_contradicted(is_closed),
+            HostAct::QuickLatch => return self.quick_latch(seed),
+            HostAct::PeakOverReset => return self.peak_over_reset(seed),
         };
         self.command("command", command);
     }
@@ -158,6 +161,7 @@ impl<'s> Host<'s> {
                         world.judge_fault_at(&fault, started_ns);
                         judge_fault_in_program(world, &fault, started_ns);
                     }
+                    Event::Started => world.judge_program(started_ns, timed.at),
                     Event::Row { row, word } => world.reports.on_row(world.now_ns(), row, &word.to_string()),
                     _ => {}
                 });

@@ -1,6 +1,7 @@
 //! Known defects, put in one by one: in how many seeds the judges see each. A judge that sees none of them is blind.
 //!
-//! A mutant is a patch under `eval/simulate/mutants`; the text before its first `diff` line describes it. It is applied in a copy of
+//! A mutant is a patch under `eval/simulate/mutants`; the text before its first `diff` line describes it, and a line `Chip: rp2040` there
+//! lets it run on that board. It is applied in a copy of
 //! the tree with a target folder that begins with the dependencies that the tree has built, so only this workspace's
 //! crates are built again. A seed counts as caught where the mutant breaks a rule that the unchanged tree keeps.
 
@@ -8,8 +9,9 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Context as _, Result, anyhow, bail};
 
+use darm_device::in_process::Chip;
 use darm_figures::figure::Figure;
 use darm_figures::items::Job;
 use darm_figures::results::Contents;
@@ -20,6 +22,9 @@ use crate::run::run;
 use crate::script::Script;
 use crate::summary::Record;
 
+/// Begins the line that names the chip of a mutant.
+const CHIP: &str = "Chip: ";
+
 /// A defect as a patch.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mutant {
@@ -29,6 +34,8 @@ pub struct Mutant {
     pub name: String,
     /// What is wrong with it.
     pub description: String,
+    /// The chip of the board on which it runs.
+    pub chip: Chip,
 }
 
 /// A rule that was broken in a seed.
@@ -78,12 +85,20 @@ pub fn list(folder: &Path) -> Result<Vec<Mutant>> {
             continue;
         }
         let text = std::fs::read_to_string(&patch)?;
-        let description = text.lines().take_while(|line| !line.starts_with("diff ")).collect::<Vec<_>>().join(" ");
+        let head = text.lines().take_while(|line| !line.starts_with("diff "));
+        let (chips, lines): (Vec<&str>, Vec<&str>) = head.partition(|line| line.starts_with(CHIP));
+        let chip = match chips.first() {
+            Some(line) => {
+                line.trim_start_matches(CHIP).parse().map_err(|error| anyhow!("{}: {error}", patch.display()))?
+            }
+            None => Chip::default(),
+        };
+        let description = lines.join(" ");
         if description.trim().is_empty() {
             bail!("{}: the first line must describe the mutant", patch.display());
         }
         let name = patch.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        mutants.push(Mutant { patch, name, description });
+        mutants.push(Mutant { patch, name, description, chip });
     }
     mutants.sort_by(|a, b| a.name.cmp(&b.name));
     Ok(mutants)
@@ -152,9 +167,9 @@ impl Scratch {
         let mut caught = Caught::default();
         let (first, mut from) = (seeds.start, seeds.start);
         while from < seeds.end && (all || caught.broken.is_empty()) {
-            let records = self.run(from..seeds.end, all)?;
+            let records = self.run(from..seeds.end, mutant.chip, all)?;
             from += records.len().max(1) as u64;
-            caught.broken.extend(broken(&records).filter(|broken| !is_broken_unchanged(broken)));
+            caught.broken.extend(broken(&records).filter(|broken| !is_broken_unchanged(broken, mutant.chip)));
         }
         caught.ran = from - first;
         Ok(caught)
@@ -184,12 +199,12 @@ impl Scratch {
         output(build.args(["build", "--quiet", "-p", "darm-simulate"])).map(drop)
     }
 
-    fn run(&self, seeds: Range<u64>, all: bool) -> Result<Vec<Record>> {
+    fn run(&self, seeds: Range<u64>, chip: Chip, all: bool) -> Result<Vec<Record>> {
         let results = self.target.join("mutant.results");
         let _ = std::fs::remove_file(&results);
         let mut simulate = Command::new(self.target.join("debug/simulate"));
         simulate.args(["--seeds", &format!("{}..{}", seeds.start, seeds.end), "--no-shrink"]);
-        simulate.args(["--shard", "1/1", "--results"]).arg(&results);
+        simulate.args(["--chip", &chip.to_string(), "--shard", "1/1", "--results"]).arg(&results);
         if !all {
             simulate.arg("--until-broken");
         }
@@ -224,18 +239,18 @@ pub struct Mutants {
 }
 
 impl Mutants {
-    /// All mutants, or the one of a name.
+    /// All mutants, or those of some names.
     ///
     /// # Errors
     ///
-    /// There is no mutant of this name, or a patch does not fit the tree.
-    pub fn new(only: Option<&str>, seeds: Range<u64>, all_seeds: bool) -> Result<Self> {
+    /// There is no mutant of one of these names, or a patch does not fit the tree.
+    pub fn new(only: &[String], seeds: Range<u64>, all_seeds: bool) -> Result<Self> {
         let mut mutants = list(&folder())?;
         check(darm_figures::root(), &mutants)?;
-        mutants.retain(|mutant| only.is_none_or(|only| only == mutant.name));
-        if mutants.is_empty() {
-            bail!("there is no mutant of this name in eval/simulate/mutants");
+        if let Some(name) = only.iter().find(|name| mutants.iter().all(|mutant| mutant.name != **name)) {
+            bail!("there is no mutant {name:?} in eval/simulate/mutants");
         }
+        mutants.retain(|mutant| only.is_empty() || only.contains(&mutant.name));
         let names = mutants.into_iter().map(|mutant| mutant.name).collect();
         Ok(Self { names, from: seeds.start, to: seeds.end, all_seeds })
     }
@@ -308,8 +323,8 @@ fn copy_dependencies(from: &Path, to: &Path) -> Result<()> {
 }
 
 /// Whether the unchanged tree, which is this program, breaks the same rule in the same seed.
-fn is_broken_unchanged(broken: &Broken) -> bool {
-    run(&Script::of(broken.seed), false).verdict.has(&broken.rule)
+fn is_broken_unchanged(broken: &Broken, chip: Chip) -> bool {
+    run(&Script::on(chip, broken.seed), false).verdict.has(&broken.rule)
 }
 
 fn output(command: &mut Command) -> Result<String> {

@@ -55,6 +55,12 @@ pub enum HostAct {
     LateHello,
     /// A person presses the button, or does not, and the profile is written again.
     WriteProfile(bool),
+    /// Runs the table while all limit switches are stuck, closed if `true`.
+    PlayContradicted(bool),
+    /// One latch set and reset as fast and as often as the board allows, each pulse cut by the next.
+    QuickLatch,
+    /// One output on, a restart at once, and the same output on as soon as the board allows.
+    PeakOverReset,
 }
 
 /// In which way somebody stops the arm.
@@ -77,8 +83,10 @@ pub enum TurnFault {
     StopWithDamage,
     /// A stop, while its answers to what is written are lost.
     StopUnconfirmed,
-    /// A stop, and a long rest.
+    /// A stop, and the same again and again while it rests.
     Stop,
+    /// A stop, and what is written to it at first is lost.
+    StopDeaf,
     /// It reports an overload.
     Overload,
     /// The emergency stop.
@@ -89,8 +97,15 @@ pub enum TurnFault {
 
 impl TurnFault {
     /// All of them.
-    pub const ALL: [Self; 6] =
-        [Self::StopWithDamage, Self::StopUnconfirmed, Self::Stop, Self::Overload, Self::Input, Self::Silent];
+    pub const ALL: [Self; 7] = [
+        Self::StopWithDamage,
+        Self::StopUnconfirmed,
+        Self::Stop,
+        Self::Overload,
+        Self::Input,
+        Self::Silent,
+        Self::StopDeaf,
+    ];
 }
 
 /// What happens to the board, at its time.
@@ -130,6 +145,14 @@ pub enum WorldAct {
     ForeignTable(bool),
     /// A profile beyond the limits of the arm, uploaded completely.
     WiderProfile,
+    /// The wire by which the chain returns what is shifted into it is cut for this time, ms.
+    CutReturn(u32),
+    /// Output enable reads low for this time, ms, whatever the board drives.
+    StuckEnable(u32),
+    /// A table that differs from the arm in one kind of limit or line, uploaded completely and played.
+    RecombinedTable,
+    /// The jumper that somebody left opens again and again for a moment, for this time, ms.
+    LooseJumper(u32),
     /// Somebody holds the emergency stop for this time, ms.
     EmergencyStop(u32),
     /// Something sends random bytes on the servo bus for this time, ms.
@@ -165,6 +188,10 @@ impl WorldAct {
             Self::DamagedProfile(_) => "damaged profile",
             Self::ForeignTable(_) => "table of another profile",
             Self::WiderProfile => "wider profile",
+            Self::CutReturn(_) => "chain not returned",
+            Self::StuckEnable(_) => "stuck output enable",
+            Self::RecombinedTable => "table changed in one respect",
+            Self::LooseJumper(_) => "loose jumper",
             Self::EmergencyStop(_) => "emergency stop",
             Self::BabblingBus(_) => "babbling servo bus",
             Self::Frames(..) => "hostile frames",
@@ -184,6 +211,7 @@ impl WorldAct {
                 | Self::Table
                 | Self::ForeignTable(_)
                 | Self::WiderProfile
+                | Self::RecombinedTable
                 | Self::DamagedProfile(_)
         )
     }
@@ -195,9 +223,10 @@ impl WorldAct {
             Self::StuckSwitches(.., ms) | Self::BouncingSwitches(_, ms) => ms,
             Self::SilentServos(_, ms) | Self::BlockedServos(_, ms) | Self::DamagedServos(_, ms) => ms,
             Self::DeafServos(_, ms) | Self::UnconfirmedServos(_, ms) | Self::OverloadedServos(_, ms) => ms,
-            Self::DeadValve(ms) | Self::Press(ms) => ms,
+            Self::DeadValve(ms) | Self::Press(ms) | Self::LooseJumper(ms) => ms,
+            Self::CutReturn(ms) | Self::StuckEnable(ms) => ms,
             Self::Reset | Self::KillHost | Self::Frames(..) | Self::Text | Self::Burst | Self::Table => 0,
-            Self::DamagedProfile(_) | Self::ForeignTable(_) | Self::WiderProfile => 0,
+            Self::DamagedProfile(_) | Self::ForeignTable(_) | Self::WiderProfile | Self::RecombinedTable => 0,
         }
     }
 }
@@ -264,6 +293,7 @@ impl Script {
             if seed % 3 == 1 {
                 script.draw_second(&mut rng);
             }
+            script.draw_rare();
         }
         script
     }
@@ -292,6 +322,44 @@ impl Script {
             at_ms += rng.random_range(pause_ms / 4..pause_ms * 4);
             self.host.push(Timed { at_ms, act, seed: rng.random() });
         }
+    }
+
+    /// What would hardly ever happen by chance, drawn apart from the rest.
+    fn draw_rare(&mut self) {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed ^ 0x7261_7265);
+        let mut at_ms = self.host.last().map_or(0, |entry| entry.at_ms);
+        let turn = HostAct::TurnUnder(TurnFault::StopDeaf, rng.random_range(250..490));
+        let last = [
+            HostAct::QuickLatch,
+            HostAct::TurnUnder(TurnFault::Stop, 400),
+            HostAct::PlayContradicted(rng.random()),
+            HostAct::PeakOverReset,
+            turn,
+        ];
+        let picked = rng.random_range(0..last.len());
+        let next = (picked + 1) % last.len();
+        let upload = HostAct::Upload(rng.random_range(0..2));
+        for act in [upload, HostAct::Clear, last[picked].clone(), HostAct::Clear, last[next].clone()] {
+            at_ms += rng.random_range(50..500);
+            self.host.push(Timed { at_ms, act, seed: rng.random() });
+        }
+        let at_ms = rng.random_range(20_000..48_000);
+        let mut acts = Vec::new();
+        if rng.random_ratio(2, 3) {
+            acts.extend([(0, WorldAct::RecombinedTable), (600, WorldAct::SilentServos(3, 1_500))]);
+        }
+        match rng.random_range(0..4u8) {
+            0 => acts.push((rng.random_range(0..2_000), WorldAct::CutReturn(2_500))),
+            1 => acts.push((rng.random_range(0..2_000), WorldAct::StuckEnable(rng.random_range(50..1_500)))),
+            _ => {}
+        }
+        if self.has_jumper {
+            acts.extend([(3_000, WorldAct::LooseJumper(200)), (3_300, WorldAct::WiderProfile)]);
+        }
+        for (after_ms, act) in acts {
+            self.world.push(Timed { at_ms: at_ms + after_ms, act, seed: rng.random() });
+        }
+        self.world.sort_by_key(|entry| entry.at_ms);
     }
 
     /// It connects in the midst of what the first host does.
@@ -380,7 +448,7 @@ impl Script {
 
 fn draw_arm(rng: &mut ChaCha8Rng, seed: u64) -> (ArmPlan, Vec<Table>) {
     loop {
-        let arm = ArmPlan::draw(rng);
+        let arm = ArmPlan { stop_opens: seed % 4 == 2, ..ArmPlan::draw(rng) };
         let (wirings, profile) =
             ([arm.wiring(), arm.reversed_wiring(), arm.hasty_wiring()], arm.profile().profile.digest);
         let mut table = |index: u64| {

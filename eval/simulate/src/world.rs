@@ -16,7 +16,7 @@ use darm_device::in_process::{Bench, Chip, MemoryFlash, Physical};
 use darm_device::plant::Plant;
 use darm_device::plant::servo_bus::{ServoFaults, ServoState};
 
-use crate::arm::ArmPlan;
+use crate::arm::{ArmPlan, EMERGENCY_STOP};
 use crate::judge::person::Person;
 use crate::judge::pins::Pins;
 use crate::judge::reports::Reports;
@@ -37,9 +37,16 @@ const MAX_NS: u64 = 600_000_000_000;
 /// A servo on the bus that no profile has.
 const STRANGER: u8 = 77;
 /// The board has seen the emergency stop after this number of ticks in which it ran.
-const PRESSED_TICKS: i32 = 4;
+const PRESSED_TICKS: u32 = 4;
+/// The board has seen an output enable that does not follow after this number of ticks: docs/safety.md, and two more.
+const ENABLE_TICKS: u32 = 5;
 /// This number of ticks after a start its profile is in force at the latest.
-const START_TICKS: i32 = 800;
+const START_TICKS: u32 = 800;
+
+/// A loose jumper opens for this time, shorter than a press needs, ms.
+const LOOSE_MS: u64 = 12;
+/// From one time to the next, ms.
+const LOOSE_PERIOD_MS: u64 = 45;
 
 /// The world of one run.
 pub struct World {
@@ -92,8 +99,12 @@ pub struct World {
     own_models: Vec<u64>,
     /// When a profile or a table of somebody else was sent last, ns.
     foreign_ns: Option<u64>,
-    /// Ticks in which the board ran and the emergency stop was pressed.
-    pressed_ticks: i32,
+    /// Ticks of the board since it started.
+    ran_ticks: u32,
+    /// Of these, with its profile in force, ticks since the emergency stop was pressed.
+    pressed_ticks: u32,
+    /// Ticks in a row in which nothing was driven and output enable read low.
+    enable_ticks: u32,
     has_jumper: bool,
     /// The host has a person press the button.
     is_attended: bool,
@@ -102,6 +113,8 @@ pub struct World {
     pressed_ns: Option<u64>,
     /// What the host's act does to the servos.
     act_faults: ServoFaults,
+    /// The host's act has all switches stuck, closed if `true`.
+    stuck: Option<bool>,
     /// The kind of the disturbance that ended last, and when, until the host gets through again.
     recovering: Option<(&'static str, u64)>,
     /// Since when the host tries to get through.
@@ -126,6 +139,7 @@ impl World {
         bench.set_polls(2);
         let ceilings = script.arm.ceilings(script.clock_ppm);
         bench.hold_button(script.has_jumper);
+        bench.invert_switches(u32::from(script.arm.stop_opens) << EMERGENCY_STOP);
         let mut world = Self {
             bench,
             arm: script.arm.clone(),
@@ -156,12 +170,15 @@ impl World {
             has_own_table: false,
             own_models: script.tables.iter().map(|table| table.model).collect(),
             foreign_ns: None,
-            pressed_ticks: -START_TICKS,
+            ran_ticks: 0,
+            pressed_ticks: 0,
+            enable_ticks: 0,
             has_jumper: script.has_jumper,
             is_attended: false,
             happened: Vec::new(),
             pressed_ns: None,
             act_faults: ServoFaults::default(),
+            stuck: None,
             recovering: None,
             tried_ns: None,
             recoveries: Vec::new(),
@@ -271,6 +288,7 @@ impl World {
         }
         self.observe();
         self.pins.on_tick_end(self.bench.now_ns());
+        self.look_at_chain();
         self.look_at_arm();
         if self.pins.high() != 0 {
             self.servos.on_lines_on(self.bench.now_ns());
@@ -292,14 +310,26 @@ impl World {
         }
     }
 
+    /// Shows the judges what is wrong with the chain. An output enable that reads low while nothing is driven latches the safe state.
+    fn look_at_chain(&mut self) {
+        let (now_ns, faults) = (self.bench.now_ns(), self.bench.chain_faults());
+        self.pins.on_return(now_ns, !faults.return_cut);
+        let is_seen = faults.enable_low && self.pins.high() == 0;
+        self.enable_ticks = if is_seen { self.enable_ticks + u32::from(self.is_in_force()) } else { 0 };
+        if self.enable_ticks >= ENABLE_TICKS {
+            self.servos.on_latched(now_ns);
+        }
+    }
+
     /// Shows the judges the mechanism, the person and the inputs at the end of a tick.
     fn look_at_arm(&mut self) {
         let now_ns = self.bench.now_ns();
+        self.ran_ticks += u32::from(self.is_running());
         self.hold_button();
         self.person.look(now_ns, self.bench.is_button_closed());
         if let Some(since_ns) = self.pressed_ns {
             self.pins.on_emergency_stop(now_ns, since_ns);
-            self.pressed_ticks += i32::from(self.bench.is_powered() && !self.bench.is_paused());
+            self.pressed_ticks += u32::from(self.is_in_force());
             if self.pressed_ticks >= PRESSED_TICKS {
                 self.servos.on_latched(now_ns);
             }
@@ -338,10 +368,22 @@ impl World {
         }
     }
 
+    /// Whether the board takes its ticks.
+    fn is_running(&self) -> bool {
+        self.bench.is_powered() && !self.bench.is_paused()
+    }
+
+    /// Whether it does so under its profile.
+    fn is_in_force(&self) -> bool {
+        self.is_running() && self.ran_ticks > START_TICKS
+    }
+
     /// The contact of the button as the script and the host have it.
     fn hold_button(&mut self) {
         let is_pressed = self.active.iter().any(|active| matches!(active.act, WorldAct::Press(_)));
-        self.bench.hold_button(self.has_jumper || self.is_attended || is_pressed);
+        let is_loose = self.active.iter().any(|active| matches!(active.act, WorldAct::LooseJumper(_)));
+        let is_open = is_loose && self.now_ns() / 1_000_000 % LOOSE_PERIOD_MS < LOOSE_MS;
+        self.bench.hold_button(self.has_jumper && !is_open || self.is_attended || is_pressed);
     }
 
     /// The board starts.
@@ -351,7 +393,8 @@ impl World {
         self.servos.on_start(now_ns);
         self.person.on_start(now_ns);
         self.ended_ns = self.ended_ns.max(now_ns);
-        self.pressed_ticks = -START_TICKS;
+        (self.ran_ticks, self.pressed_ticks, self.enable_ticks) = (0, 0, 0);
+        self.pins.on_first_return(!self.bench.chain_faults().return_cut);
     }
 
     /// Shows the judges what happened at the pins.

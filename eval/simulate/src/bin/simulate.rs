@@ -30,7 +30,7 @@ struct Arguments {
     /// Print what happens in one seed, line by line
     #[arg(long, value_name = "SEED")]
     replay: Option<u64>,
-    /// The chip whose flash and times the board has: stm32l475 or rp2040
+    /// The chip whose flash and times the board has: stm32l475 or rp2040; a mutant says its own
     #[arg(long, default_value_t, conflicts_with = "mutants")]
     chip: Chip,
     #[command(flatten)]
@@ -38,9 +38,9 @@ struct Arguments {
     /// Put known defects in, one by one, and see in how many seeds the judges find each
     #[arg(long)]
     mutants: bool,
-    /// Only the mutant of this name
-    #[arg(long, value_name = "NAME", requires = "mutants")]
-    only: Option<String>,
+    /// Only the mutants of these names, with commas between them
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "mutants")]
+    only: Vec<String>,
     /// Run all seeds of a mutant, also after it was caught
     #[arg(long, requires = "mutants")]
     all_seeds: bool,
@@ -113,7 +113,7 @@ impl Arguments {
 
     /// True when each mutant was caught.
     fn run_mutants(&self) -> Result<bool> {
-        let job = Mutants::new(self.only.as_deref(), range(&self.seeds)?, self.all_seeds)?;
+        let job = Mutants::new(&self.only, range(&self.seeds)?, self.all_seeds)?;
         let Some(caught) = items::outcomes(&job, &self.spread)? else { return Ok(true) };
         items::report(&job, &caught, self.spread.json.as_deref())?;
         if self.markdown {

@@ -20,6 +20,14 @@ const LONGEST_PROGRAM_S: u32 = 25;
 const USE_MS: u32 = 400;
 /// After one use and this time every output may have its next peak, ms.
 const PEAK_WAIT_MS: u64 = 200;
+/// No output of a script waits longer for its next peak, ms.
+const PEAK_PAUSE_MS: u64 = 600;
+/// Tries of a peak after a start, each 20 ms.
+const PEAK_TRIES: u32 = 40;
+/// Cycles of a latch that use up the longest window.
+const CYCLES: u32 = 120;
+/// Stops of a servo that rests: each must leave it where it is.
+const STOPS: u32 = 6;
 /// This number of uses fills the longest window.
 const USES: u32 = 30;
 /// After the last byte of a stop, or after the emergency stop is pressed, all outputs are off within this time, ms.
@@ -261,7 +269,7 @@ impl Host<'_> {
         let began_ns = world::with(|world| world.now_ns());
         let is_stopped = match form {
             StopForm::Typed => {
-                world::with(|world| world.type_line("stop"));
+                world::with(|world| world.type_stop(seed));
                 true
             }
             StopForm::Input => {
@@ -347,8 +355,18 @@ impl Host<'_> {
                 world::pass(2_000);
             }
             TurnFault::Stop => {
-                self.stop("stop", stop);
-                world::pass(5_000);
+                for _ in 0..STOPS {
+                    self.stop("stop", stop);
+                    world::pass(500);
+                }
+            }
+            TurnFault::StopDeaf => {
+                world::with(|world| world.break_servos(ServoFaults { deaf: mask, ..none }));
+                let began_ns = world::with(|world| world.now_ns());
+                if self.ask("stop", stop).is_some() {
+                    world::with(|world| world.on_stop(began_ns));
+                }
+                world::pass(10);
             }
             TurnFault::Overload => {
                 world::with(|world| world.break_servos(ServoFaults { overloaded: mask, ..none }));
@@ -367,12 +385,66 @@ impl Host<'_> {
                 self.command("clear", Command::Clear);
                 self.command("coil", Command::Coil { coil: 0, on_ms: PULSE_MS });
                 self.command("turn", turn);
+                self.command("play", Command::Play);
             }
         }
-        world::pass(SETTLE_MS);
+        if fault != TurnFault::StopDeaf {
+            world::pass(SETTLE_MS);
+        }
         world::with(|world| world.break_servos(none));
+        world::pass(SETTLE_MS);
         self.events();
         self.command("clear", Command::Clear);
+    }
+
+    /// Runs the table while each limit switch says the same in every state.
+    pub(super) fn play_contradicted(&mut self, is_closed: bool) {
+        if !self.is_own_table_at_rest() {
+            return;
+        }
+        world::with(|world| world.stick_switches(Some(is_closed)));
+        self.command("play", Command::Play);
+        world::pass(4 * SETTLE_MS);
+        self.events();
+        world::with(|world| world.stick_switches(None));
+        world::pass(SETTLE_MS);
+        self.command("clear", Command::Clear);
+    }
+
+    /// Sets one latch for a moment that is shorter than its pulse, until the board refuses: each pulse is cut by the opposite one, and
+    /// together they use up the output.
+    pub(super) fn quick_latch(&mut self, seed: u64) {
+        let Some((coil, pulse_ms)) = self.script.arm.latch(seed) else { return };
+        if !self.is_own_table_at_rest() {
+            return;
+        }
+        for _ in 0..CYCLES {
+            if self.command("latch", Command::Coil { coil, on_ms: u32::from(pulse_ms) / 3 }) != Ending::Done {
+                return;
+            }
+            world::pass(u64::from(pulse_ms) * 4 / 3 + 2);
+        }
+    }
+
+    /// Uses one output, restarts the board and uses it again as soon as the board allows: what flowed before the start counts.
+    pub(super) fn peak_over_reset(&mut self, seed: u64) {
+        let coil = self.script.arm.peaking(seed);
+        if !self.is_own_table_at_rest() {
+            return;
+        }
+        world::pass(PEAK_PAUSE_MS);
+        if self.command("peak", Command::Coil { coil, on_ms: 2 * PULSE_MS }) != Ending::Done {
+            return;
+        }
+        world::pass(PULSE_MS.into());
+        self.halt();
+        self.ask("reboot", |client| client.reboot(RebootTarget::Application));
+        for _ in 0..PEAK_TRIES {
+            if self.command("peak", Command::Coil { coil, on_ms: PULSE_MS }) == Ending::Done {
+                return;
+            }
+            world::pass(20);
+        }
     }
 
     /// The same profile again, with a person at the button or without.

@@ -63,13 +63,18 @@ pub fn any_frame(rng: &mut ChaCha8Rng, link: u32, likely: &[u64]) -> Sent {
     sent
 }
 
-/// A command and a stop in one piece. The stop comes twice: what stood on the line before may cost one frame.
+/// A command and a stop of any form in one piece. The stop comes twice: what stood on the line before may cost one frame.
 pub fn command_and_stop(rng: &mut ChaCha8Rng, coils: u8) -> Sent {
     let what = match rng.random_range(0..4u8) {
         0 => "play".to_owned(),
         _ => format!("coil {} on {}", rng.random_range(0..coils.max(1)), rng.random_range(40..700)),
     };
-    let stop = framed(bootstrap::Request::Stop.tag(), 0, rng.random(), bootstrap::Request::Stop.payload());
+    let number = rng.random();
+    let stop = match rng.random_range(0..3u8) {
+        0 => framed(bootstrap::Request::Stop.tag(), 0, number, bootstrap::Request::Stop.payload()),
+        1 => request(rng.random(), number, &Request::Command(Command::Stop)),
+        _ => b"stop\r".to_vec(),
+    };
     let bytes = [format!("{what}\r").as_bytes(), &stop, &stop].concat();
     Sent { bytes, what: format!("{what}, stop") }
 }

@@ -54,6 +54,48 @@ pub fn beyond(rng: &mut ChaCha8Rng, wiring: &Wiring, profile: Digest) -> Option<
     Some(Table::of(&draw_records(rng, &plan, 0.5), model))
 }
 
+/// A table that differs from this wiring in one kind of limit or line; `None` when none was found.
+pub fn recombined(rng: &mut ChaCha8Rng, wiring: &Wiring, profile: Digest) -> Option<Table> {
+    let mut wiring = wiring.clone();
+    let kind = rng.random_range(0..4u8);
+    match kind {
+        0 => exchange_resets(&mut wiring),
+        1 => wiring.coils.iter_mut().for_each(lengthen),
+        _ => {}
+    }
+    for servo in &mut wiring.servos {
+        match kind {
+            2 => servo.timeout_ms = ServoWiring::MAX_TIMEOUT_MS,
+            // Tighter than any profile: below one step in a second.
+            3 => servo.max_speed_rad_s = ServoWiring::MIN_SPEED_RAD_S,
+            _ => {}
+        }
+    }
+    let (model, rows) = (rng.random::<u64>() | 1, rng.random_range(2..30));
+    Table::draw(rng, &TablePlan { wiring: &wiring, profile, model, rows })
+}
+
+/// Each latch is reset by the line that resets the next one.
+fn exchange_resets(wiring: &mut Wiring) {
+    let reset = |coil: &Coil| if let Drive::Latch { reset, .. } = coil.drive { Some(reset) } else { None };
+    let resets: Vec<u8> = wiring.coils.iter().filter_map(reset).collect();
+    let mut next = resets.into_iter().cycle().skip(1);
+    for coil in &mut wiring.coils {
+        if let Drive::Latch { reset, .. } = &mut coil.drive {
+            *reset = next.next().unwrap_or(*reset);
+        }
+    }
+}
+
+/// Its peak, or its pulse, lasts twice as long.
+fn lengthen(coil: &mut Coil) {
+    match &mut coil.drive {
+        Drive::Hold { .. } => {}
+        Drive::PeakHold { peak_ms, .. } => *peak_ms *= 2,
+        Drive::Latch { pulse_ms, .. } => *pulse_ms *= 2,
+    }
+}
+
 /// A table within all limits of this wiring that names a profile which the board never had.
 pub fn of_another_profile(rng: &mut ChaCha8Rng, wiring: &Wiring) -> Option<Table> {
     let (model, rows) = (rng.random::<u64>() | 1, rng.random_range(2..30));

@@ -26,9 +26,16 @@ const BURST_LATE_MS: u64 = 3;
 /// After the stated time of a fault the lines are off within this time, in board time.
 const SAFE_MS: u64 = 2;
 
+/// A chain that no longer returns what is shifted into it is noticed within this time, in board time: docs/safety.md, and two ticks.
+const RETURN_MS: u64 = 302;
+
 /// The judge's memory.
 pub struct Pins {
     ceilings: Ceilings,
+    /// The chain returned what was shifted into it when the firmware started.
+    has_return: bool,
+    /// Since when lines are on, and it does so no longer.
+    unreturned_ns: Option<u64>,
     chain: Chain,
     lines: Lines,
     since_ns: [u64; 64],
@@ -54,6 +61,8 @@ impl Pins {
     pub fn new(ceilings: Ceilings) -> Self {
         Self {
             ceilings,
+            has_return: true,
+            unreturned_ns: None,
             chain: Chain::default(),
             lines: Lines::default(),
             since_ns: [0; 64],
@@ -130,6 +139,24 @@ impl Pins {
         }
         self.started_ns = now_ns;
         self.look(now_ns);
+    }
+
+    /// The firmware has started, and the chain returns what is shifted into it, or does not.
+    pub fn on_first_return(&mut self, has_return: bool) {
+        self.has_return = has_return;
+    }
+
+    /// The end of a tick in which the chain returns what is shifted into it, or does not.
+    pub fn on_return(&mut self, now_ns: u64, has_return: bool) {
+        let is_missed = self.has_return && !has_return && self.lines.high != 0;
+        self.unreturned_ns = if is_missed { self.unreturned_ns.or(Some(now_ns)) } else { None };
+        let Some(since_ns) = self.unreturned_ns.filter(|since_ns| now_ns - since_ns > self.ceilings.true_ns(RETURN_MS))
+        else {
+            return;
+        };
+        self.verdict.note(JUDGE, "chain-unreturned", now_ns, || {
+            format!("lines are on, and for {} ms the chain has not returned them", (now_ns - since_ns) / MS)
+        });
     }
 
     /// The supply fails.

@@ -265,6 +265,12 @@ impl Servos {
         if joint.goal != before.goal {
             track.explained = None;
         }
+        let falls = before.has_torque && !joint.has_torque && is_powered;
+        if falls && self.ceiling(id).is_some_and(|servo| !servo.is_released) {
+            self.verdict.note(JUDGE, "servo-hold", now_ns, || {
+                format!("servo {id} loses its torque, and the profile lets it hold in every state")
+            });
+        }
         let Some(servo) = self.ceiling(id) else {
             if joint.has_torque {
                 self.verdict.note(JUDGE, "servo-wiring", now_ns, || format!("servo {id} has torque and is not wired"));

@@ -19,6 +19,9 @@ struct Track {
     since_ns: Option<u64>,
     /// Since when its switch contradicts that.
     wrong_ns: Option<u64>,
+    /// Since when it does so while lines are on and it has not moved since they were all off, and the last such span that ended.
+    resting_ns: Option<u64>,
+    rested_ns: Option<(u64, u64)>,
 }
 
 /// The judge's memory.
@@ -71,12 +74,36 @@ impl Switches {
             let arrived_ns = track
                 .since_ns
                 .map(|since_ns| since_ns.max(settled_ns) + self.ceilings.true_ns(u64::from(actuator.travel_ms)));
+            let is_resting = is_watched && is_wrong && lines != 0 && track.since_ns.is_none();
+            if let (Some(from_ns), false) = (track.resting_ns, is_resting) {
+                track.rested_ns = Some((from_ns, now_ns));
+            }
+            track.resting_ns = if is_resting { track.resting_ns.or(Some(now_ns)) } else { None };
             let counts = is_watched && is_wrong && was != 0 && arrived_ns.is_some_and(|at_ns| now_ns >= at_ns);
             track.wrong_ns = if counts { track.wrong_ns.or(Some(now_ns)) } else { None };
             if track.wrong_ns.is_some_and(|wrong_ns| now_ns > wrong_ns + self.ceilings.true_ns(NOTICE_MS)) {
                 let (input, seen) = (actuator.input, if is_closed { "closed" } else { "open" });
                 self.verdict.note(JUDGE, "switch-ignored", now_ns, || {
                     format!("lines {lines:#x} are on, and the switch at input {input} is {seen} in state {digit}")
+                });
+            }
+        }
+    }
+
+    /// The board reports that a program has started at this true time, and nobody else has acted since: after the time of travel each
+    /// switch is compared, also that of an actuator that stays where it is.
+    pub fn on_started(&mut self, now_ns: u64, started_ns: u64) {
+        for (actuator, track) in self.actuators.iter().zip(&self.tracks) {
+            let arrived_ns = started_ns + self.ceilings.true_ns(u64::from(actuator.travel_ms) + 1);
+            let noticed_ns = arrived_ns + self.ceilings.true_ns(NOTICE_MS);
+            let spans = [track.resting_ns.map(|from_ns| (from_ns, now_ns)), track.rested_ns];
+            let covers = |&(from_ns, to_ns): &(u64, u64)| from_ns <= arrived_ns && to_ns > noticed_ns;
+            if spans.into_iter().flatten().any(|span| covers(&span)) {
+                let input = actuator.input;
+                self.verdict.note(JUDGE, "switch-ignored", noticed_ns, || {
+                    format!(
+                        "a program runs on, and the switch at input {input} contradicts an actuator that has not moved"
+                    )
                 });
             }
         }
@@ -146,6 +173,22 @@ mod tests {
         assert!(is_ignored(judge(None), &[(10, 0, 0), (70, 1, 0)]));
         assert!(is_ignored(judge(None), &[(10, 0, 0), (40, 1, 0), (100, 1, 8), (9, 1, 0)]), "it left its stop");
         assert!(!is_ignored(judge(None), &[(10, 0, 0), (40, 1, 0), (100, 1, 8), (3, 1, 0), (9, 1, 8)]), "it bounced");
+    }
+
+    #[test]
+    fn the_switch_of_an_actuator_that_stays_where_it_is_counts_from_the_start_of_a_program() {
+        // Lines of another load are on from 100 ms on; the switch must be open in state 0.
+        for (started_ms, inputs, off_ms, is_ignored) in
+            [(100, 8, 400, true), (100, 0, 400, false), (100, 8, 156, false), (380, 8, 400, false)]
+        {
+            let mut judge = judge(None);
+            for ms in 1..500 {
+                let lines = if (100..off_ms).contains(&ms) { 4 } else { 0 };
+                judge.look(ms * MS, lines, inputs, true);
+            }
+            judge.on_started(500 * MS, started_ms * MS);
+            assert_eq!(judge.finish().has("switch-ignored"), is_ignored, "{started_ms} {inputs} {off_ms}");
+        }
     }
 
     #[test]

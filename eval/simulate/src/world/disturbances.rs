@@ -1,13 +1,14 @@
 //! The disturbances of a script: how each begins, acts in every tick, and ends.
 
 use darm_arm::image::UploadImage;
+use darm_device::in_process::ChainFaults;
 use darm_device::plant::Broken;
 use darm_device::plant::servo_bus::ServoFaults;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
 use super::{Party, World};
-use crate::arm::EMERGENCY_STOP;
+use crate::arm::{EMERGENCY_STOP, Table};
 use crate::hostile::{self, Sent};
 use crate::judge::reports::Ending;
 use crate::script::{Timed, WorldAct};
@@ -21,6 +22,8 @@ pub(super) struct Active {
     pub(super) index: u32,
 }
 
+/// Inputs of the arm's limit switches.
+const ALL_SWITCHES: u32 = 0xff;
 /// For this time what somebody else has sent may still be put in force, ns.
 const FOREIGN_NS: u64 = 3_000_000_000;
 
@@ -62,7 +65,7 @@ impl World {
             }
             WorldAct::EmergencyStop(_) => {
                 self.pressed_ns = Some(now_ns);
-                self.pressed_ticks = self.pressed_ticks.min(0);
+                self.pressed_ticks = 0;
                 self.invert_switches(0);
             }
             WorldAct::Text => self.send_hostile(vec![hostile::any_line(&mut rng)]),
@@ -84,6 +87,11 @@ impl World {
                 }
             }
             WorldAct::WiderProfile => self.send_profile(&mut rng),
+            WorldAct::RecombinedTable => {
+                if let Some(table) = hostile::tables::recombined(&mut rng, &self.wiring, self.profile) {
+                    self.send_known(&table, &mut rng);
+                }
+            }
             WorldAct::DamagedProfile(records) => self.damage_profile(records),
             _ => {}
         }
@@ -129,7 +137,13 @@ impl World {
             self.send_profile(rng);
             return;
         }
-        let Some(table) = hostile::tables::beyond(rng, &self.wiring, self.profile) else { return };
+        if let Some(table) = hostile::tables::beyond(rng, &self.wiring, self.profile) {
+            self.send_known(&table, rng);
+        }
+    }
+
+    /// A table that the board may take, of somebody else.
+    fn send_known(&mut self, table: &Table, rng: &mut ChaCha8Rng) {
         self.reports.know(table.known());
         self.reports.on_upload(self.now_ns(), table.model, Ending::Unknown, &[]);
         self.commits.push((Party::Hostile, table.model, self.now_ns()));
@@ -192,9 +206,9 @@ impl World {
         self.active.iter().any(|active| matches!(active.act, WorldAct::EmergencyStop(_)))
     }
 
-    /// The emergency stop's input while it is pressed.
+    /// The emergency stop's input as its contact has it.
     fn emergency_input(&self) -> u32 {
-        u32::from(self.pressed_ns.is_some()) << EMERGENCY_STOP
+        u32::from(self.pressed_ns.is_some() != self.arm.stop_opens) << EMERGENCY_STOP
     }
 
     fn invert_switches(&mut self, inputs: u32) {
@@ -221,13 +235,20 @@ impl World {
         self.break_plant();
     }
 
+    /// All switches are stuck from now on, closed if `true`, beside what the script does; or they work again.
+    pub fn stick_switches(&mut self, stuck: Option<bool>) {
+        self.stuck = stuck;
+        self.disturbed_ns = self.now_ns();
+        self.break_plant();
+    }
+
     /// The host has somebody press the emergency stop, or release it.
     pub fn press_emergency_stop(&mut self, is_pressed: bool) {
         let now_ns = self.now_ns();
         self.disturbed_ns = now_ns;
         if is_pressed {
             self.pressed_ns = self.pressed_ns.or(Some(now_ns));
-            self.pressed_ticks = self.pressed_ticks.min(0);
+            self.pressed_ticks = 0;
         } else if !self.is_pressed() {
             self.pressed_ns = None;
         }
@@ -249,13 +270,23 @@ impl World {
 
     /// Whether a switch, an input or a valve is not what the arm says.
     pub(super) fn has_broken_switches(&self) -> bool {
-        self.active.iter().any(|active| {
-            matches!(active.act, WorldAct::StuckSwitches(..) | WorldAct::BouncingSwitches(..) | WorldAct::DeadValve(_))
-        })
+        self.stuck.is_some()
+            || self.active.iter().any(|active| {
+                matches!(
+                    active.act,
+                    WorldAct::StuckSwitches(..) | WorldAct::BouncingSwitches(..) | WorldAct::DeadValve(_)
+                )
+            })
     }
 
     fn break_plant(&mut self) {
         let mut broken = Broken { servos: self.act_faults, ..Broken::default() };
+        let mut chain = ChainFaults::default();
+        match self.stuck {
+            Some(true) => broken.switches_closed = ALL_SWITCHES,
+            Some(false) => broken.switches_open = ALL_SWITCHES,
+            None => {}
+        }
         for active in &self.active {
             match active.act {
                 WorldAct::StuckSwitches(inputs, true, _) => broken.switches_closed |= inputs,
@@ -266,6 +297,8 @@ impl World {
                 WorldAct::DeafServos(servos, _) => broken.servos.deaf |= servos,
                 WorldAct::UnconfirmedServos(servos, _) => broken.servos.unconfirmed |= servos,
                 WorldAct::OverloadedServos(servos, _) => broken.servos.overloaded |= servos,
+                WorldAct::CutReturn(_) => chain.return_cut = true,
+                WorldAct::StuckEnable(_) => chain.enable_low = true,
                 WorldAct::DeadValve(_) => {
                     let wired = self.wiring.coils.get(active.index as usize % self.wiring.coils.len().max(1));
                     let lines = wired.map_or((0, None), |coil| coil.drive.lines());
@@ -276,5 +309,6 @@ impl World {
         }
         let now_s = self.bench.now_s();
         self.bench.plant_mut().set_broken(now_s, broken);
+        self.bench.break_chain(chain);
     }
 }

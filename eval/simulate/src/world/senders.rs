@@ -1,6 +1,7 @@
 //! Who has sent what to the board, and what the judges conclude from it.
 
 use darm_core::sequencer::{Command, Fault, FaultKind};
+use darm_core::units::Micros;
 use darm_core::wire::message::{ImageKind, REPLY, REQUEST, Refusal, Reply, Request};
 use darm_core::wire::{bootstrap, frame};
 use rand::SeedableRng as _;
@@ -115,10 +116,12 @@ impl World {
         self.quiet_ns = Some((now_ns, now_ns + 300_000_000));
     }
 
-    /// A person types a line, which the line brings as it is.
-    pub fn type_line(&mut self, line: &str) {
-        self.say("world", || line.to_owned());
-        self.bench.send(format!("{line}\r").as_bytes());
+    /// A person types a stop, behind whatever is on the line.
+    pub fn type_stop(&mut self, seed: u64) {
+        const BEFORE: [&[u8]; 4] = [b"", b"\xff\x01", b"sto", b"garbage "];
+        let before = BEFORE[(seed >> 16) as usize % BEFORE.len()];
+        self.say("world", || format!("{before:?} stop"));
+        self.bench.send(&[before, b"stop\r"].concat());
     }
 
     /// A connection that a stop or a start has ended: any of the run, half of them one of the last.
@@ -264,6 +267,14 @@ impl World {
                 self.person.on_commit(now_ns, image.digest.0);
             }
             _ => {}
+        }
+    }
+
+    /// The board reports that a program of its start has begun at that time.
+    pub fn judge_program(&mut self, started_ns: u64, at: Micros) {
+        let begun_ns = started_ns + self.pins.true_us_ns(at.0);
+        if self.has_own_table && !self.has_other_acted_since(Party::First, begun_ns) {
+            self.switches.on_started(self.now_ns(), begun_ns);
         }
     }
 

@@ -45,6 +45,17 @@ fn each_rule_is_seen_and_only_where_it_is_broken() {
 }
 
 #[test]
+fn a_chain_that_no_longer_returns_its_lines_is_seen_where_it_did_at_the_start() {
+    for (at_start, cut_ms, is_seen) in [(true, 310, true), (true, 290, false), (false, 310, false)] {
+        let mut judge = judge();
+        judge.on_first_return(at_start);
+        set(&mut judge, 0, 1);
+        (1..400).for_each(|ms| judge.on_return(ms * MS, ms > cut_ms));
+        assert_eq!(judge.verdict.has("chain-unreturned"), is_seen, "{at_start} {cut_ms}");
+    }
+}
+
+#[test]
 fn output_enable_that_stays_low_without_a_line_is_seen() {
     let mut judge = judge();
     judge.on_tick_end(MS);

@@ -76,6 +76,15 @@ fn range_speed_and_torque_are_seen_at_the_shaft() {
     }
 }
 
+#[test]
+fn a_servo_that_the_profile_holds_keeps_its_torque() {
+    for is_released in [false, true] {
+        let mut judge = judge(is_released);
+        turn(&mut judge, 4, 5, Joint { has_torque: false, ..REST }, 0.0);
+        assert_eq!(judge.finish().has("servo-hold"), !is_released);
+    }
+}
+
 /// docs/safety.md: servos stay below the profile's torque.
 #[test]
 fn a_torque_limit_beyond_the_profile_is_seen() {
