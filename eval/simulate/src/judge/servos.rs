@@ -17,8 +17,9 @@ pub const MAX_BEND_STEPS: f32 = 5.0;
 const HOLD_STEPS: f32 = 16.0;
 /// A position that a servo turning at speed has reported is this old when it becomes the goal, ms: two visits and their answers.
 const READ_AGE_MS: u64 = 25;
-/// A shaft may be beyond its range by its bend, rounding, and the margin of a goal at the edge, steps.
-const RANGE_STEPS: f32 = MAX_BEND_STEPS + 3.0;
+/// A shaft may be beyond its range by its bend, by the same again where it is held while it is bent out of it, by rounding, and by the
+/// margin of a goal at the edge, steps: what the board takes for a breach too.
+const RANGE_STEPS: f32 = 2.0 * MAX_BEND_STEPS + 3.0;
 /// A goal is the requested one when it is this near, steps.
 const GOAL_STEPS: f32 = 2.0;
 /// A servo is on its way beyond this distance from its goal, steps: 0.1 rad, more than any that holds gives way.
