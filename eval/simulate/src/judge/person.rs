@@ -29,8 +29,8 @@ pub struct Person {
     allowed: Vec<Digest>,
     /// Which profiles were to be committed, and when that arrived.
     commits: Vec<(u64, Digest)>,
-    /// The stored profile is damaged, and nobody has written one since.
-    is_lost: bool,
+    /// When the stored profile was damaged last.
+    lost_ns: Option<u64>,
     verdict: Verdict,
 }
 
@@ -44,7 +44,7 @@ impl Person {
             presses: Vec::new(),
             allowed: vec![profile, [0; 32]],
             commits: Vec::new(),
-            is_lost: false,
+            lost_ns: None,
             verdict: Verdict::default(),
         }
     }
@@ -90,14 +90,15 @@ impl Person {
     }
 
     /// The stored profile is damaged.
-    pub fn on_lost(&mut self) {
-        self.is_lost = true;
+    pub fn on_lost(&mut self, now_ns: u64) {
+        self.lost_ns = Some(now_ns);
     }
 
     /// Whether the board has lost its profile: then it drives nothing until somebody presses the button and writes one.
     pub fn is_lost(&self) -> bool {
-        let is_written = |&(at_ns, _): &(u64, Digest)| self.is_pressed(at_ns, at_ns + COMMIT_MS * MS);
-        self.is_lost && !self.commits.iter().any(is_written)
+        let is_written = |&&(at_ns, _): &&(u64, Digest)| self.is_pressed(at_ns, at_ns + COMMIT_MS * MS);
+        let last = || self.commits.iter().filter(is_written).map(|commit| commit.0).max();
+        self.lost_ns.is_some_and(|lost_ns| last().is_none_or(|at_ns| at_ns < lost_ns))
     }
 
     /// The board says which profile is in force.
@@ -168,12 +169,14 @@ mod tests {
     fn a_lost_profile_stays_lost_until_somebody_writes_one() {
         let mut person = person();
         person.look(0, false);
-        person.on_lost();
+        person.on_lost(50 * MS);
         person.on_commit(100 * MS, OTHER);
         assert!(person.is_lost());
         person.look(5_000 * MS, true);
         person.on_commit(5_100 * MS, OTHER);
         assert!(!person.is_lost());
+        person.on_lost(9_000 * MS);
+        assert!(person.is_lost(), "what was written before is what was damaged");
     }
 
     #[test]
