@@ -134,7 +134,8 @@ fn rows(case: &Case, position: fn(f64) -> f64, row: impl Fn(&Now, f64) -> String
     text
 }
 
-/// The laws that a diagnosis of a table names.
+/// The laws that a diagnosis of a table names. What it leaves may be more than noise: bristles and turns of friction have other
+/// equations here than in the laws.
 fn named(model: &Model, text: &str) -> String {
     let table = Table::read_text(Path::new("a.csv"), text.as_bytes(), &Names::new()).unwrap().0;
     let options = SignalOptions { seed: 1, ..SignalOptions::default() };
@@ -142,7 +143,7 @@ fn named(model: &Model, text: &str) -> String {
     let laws: Vec<&str> = found.effects.iter().map(|effect| effect.law.as_str()).collect();
     let others: Vec<&str> = found.alternatives.iter().map(|other| other.law.as_str()).collect();
     match found.verdict {
-        Verdict::EffectFound => laws.join(" + "),
+        Verdict::EffectFound | Verdict::PartlyExplained => laws.join(" + "),
         verdict => format!("{verdict}: {} ({})", laws.join(" + "), others.join(", ")),
     }
 }
