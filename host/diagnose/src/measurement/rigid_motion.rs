@@ -8,22 +8,21 @@ use super::median;
 /// Times that rows are weighed again: each divides what a blunder moves by about the number of rows.
 const REWEIGHTINGS: usize = 8;
 
-/// Poses where they are predicted, and where they were measured.
-pub(crate) type Pairs = [(Pose<f64>, Pose<f64>)];
+/// A pose where it is predicted, and where it was measured.
+pub(crate) type Pair = (Pose<f64>, Pose<f64>);
 
 /// The motion D that brings the first pose of each pair nearest to the second, D·first ≈ second: weighted least squares of
 /// positions, m, and of orientations at the distance `length_scale_m` from the tool. The identity where nothing weighs.
 ///
 /// Source: W. Kabsch, Acta Cryst. A32 (1976) 922.
-pub(crate) fn nearest_motion(pairs: &Pairs, weights: &[f64], length_scale_m: f64) -> Pose<f64> {
+pub(crate) fn nearest_motion(pairs: &[Pair], weights: &[f64], length_scale_m: f64) -> Pose<f64> {
     let weighted = || pairs.iter().zip(weights);
     let sum: f64 = weights.iter().sum();
-    if !(sum > 0.0) {
+    if sum <= 0.0 {
         return Pose::identity();
     }
-    let middle = |of: fn(&(Pose<f64>, Pose<f64>)) -> Vec3<f64>| {
-        weighted().map(|(pair, weight)| of(pair) * *weight).sum::<Vec3<f64>>() / sum
-    };
+    let middle =
+        |of: fn(&Pair) -> Vec3<f64>| weighted().map(|(pair, weight)| of(pair) * *weight).sum::<Vec3<f64>>() / sum;
     let (own_middle, seen_middle) = (middle(|pair| pair.0.position), middle(|pair| pair.1.position));
     let turns = weighted().map(|((own, seen), weight)| {
         let turned = seen.rotation * own.rotation.transpose() * (length_scale_m * length_scale_m);
@@ -35,7 +34,7 @@ pub(crate) fn nearest_motion(pairs: &Pairs, weights: &[f64], length_scale_m: f64
 
 /// The same, with rows that are farther off than most weighing less (Huber, at the median): a blunder of any size moves it by about
 /// what one more row would.
-pub(crate) fn robust_nearest_motion(pairs: &Pairs, length_scale_m: f64) -> Pose<f64> {
+pub(crate) fn robust_nearest_motion(pairs: &[Pair], length_scale_m: f64) -> Pose<f64> {
     let mut weights = vec![1.0; pairs.len()];
     let mut motion = nearest_motion(pairs, &weights, length_scale_m);
     for _ in 0..REWEIGHTINGS {
@@ -48,8 +47,8 @@ pub(crate) fn robust_nearest_motion(pairs: &Pairs, length_scale_m: f64) -> Pose<
 }
 
 /// What is left of each pair after a motion, as a distance d, m.
-pub(crate) fn distances_after(motion: &Pose<f64>, pairs: &Pairs, length_scale_m: f64) -> Vec<f64> {
-    let left = |(own, seen): &(Pose<f64>, Pose<f64>)| {
+pub(crate) fn distances_after(motion: &Pose<f64>, pairs: &[Pair], length_scale_m: f64) -> Vec<f64> {
+    let left = |(own, seen): &Pair| {
         let moved = *motion * *own;
         let angle = rotation_log(&(moved.rotation.transpose() * seen.rotation)).norm();
         (moved.position - seen.position).norm().hypot(length_scale_m * angle)
