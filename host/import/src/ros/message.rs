@@ -67,9 +67,12 @@ pub(super) fn read(kind: &str, bytes: &[u8]) -> Result<Message, String> {
     Ok(Message { stamp_ns, fields, unread })
 }
 
+/// A quantity and its number.
+type Field = (String, f64);
+
 /// Positions, velocities and efforts by the names of the joints, or by their numbers where there are no names; empty lists are
 /// not measured, and of one of another length it is not known which joints it is of.
-fn joints(cdr: &mut Cdr) -> Option<(Vec<(String, f64)>, Option<String>)> {
+fn joints(cdr: &mut Cdr) -> Option<(Vec<Field>, Option<String>)> {
     let mut names = cdr.sequence(4, Cdr::text)?;
     let (mut fields, mut unread) = (Vec::new(), None);
     for quantity in ["position", "velocity", "effort"] {
