@@ -19,7 +19,7 @@ const EXAMPLES: &str = "\
 Examples:
   darm odometry drive.csv --radius 33 --track 160 --ticks-per-turn 4096
   darm odometry drive.csv --radius 33 --track 160 --ticks-per-turn 4096 --csv > path.csv
-  darm odometry drive.csv --radius 33 --track 160 --ticks-per-turn 4096 --counter-bits 16   # counters that wrap
+  darm odometry drive.csv --radius 33 --track 160 --ticks-per-turn 4096 --counter-bits 16
   darm odometry --radius 33 --track 160 --ticks-per-turn 4096 --ticks 900,1100 --rate 50
   darm odometry --radius 33 --track 160 --speeds 340,360 --time 2   # deg/s
   darm odometry --radius 33 --track 160 --velocity 200,-30   # the inverse: speeds of the wheels

@@ -32,8 +32,7 @@ pub(super) fn check_times(time_s: &[f64]) -> Result<(), PrepareError> {
     let (backward, forward) = (count(|step_s| step_s < 0.0), count(|step_s| step_s > 0.0));
     let cure = "is this the column of time? give rows without it a rate with --rate";
     if time_s.iter().all(|time_s| time_s.is_nan()) {
-        let text =
-            "the column of time has no numbers; convert the log with darm import, which reads dates and times of day";
+        let text = "the column of time has no numbers; dates and times of day are read by darm import";
         return Err(PrepareError::Nothing(text.into()));
     }
     if steps > 0 && forward == 0 && time_s.iter().all(|time_s| time_s.is_finite()) {

@@ -6,7 +6,6 @@ use darm_diagnose::error::DiagnoseError;
 use darm_diagnose::files::FilesError;
 use darm_diagnose::measurement::ReadError;
 use darm_diagnose::overview::{ColumnOverview, Overview, Possible, SamplingOverview};
-use darm_import::proposal;
 use darm_import::read::Dialect;
 use serde::Serialize;
 
@@ -54,7 +53,6 @@ pub(super) fn with_conversion(model: &Path, data: &Path, error: anyhow::Error) -
     let is_of_log = match error.downcast_ref::<FilesError>() {
         Some(FilesError::Read(error)) => is_read_by_import(error),
         Some(FilesError::Diagnose { source: DiagnoseError::Read(error), .. }) => is_read_by_import(error),
-        Some(FilesError::Diagnose { source, .. }) => matches!(source, DiagnoseError::Prepare(_)),
         _ => false,
     };
     match is_of_log.then(|| conversion(data, Some(model))).flatten() {
@@ -63,13 +61,12 @@ pub(super) fn with_conversion(model: &Path, data: &Path, error: anyhow::Error) -
     }
 }
 
-/// The line that converts a recording of another program, and what comes after it; `None` of a log that reads as it is.
+/// The line that converts a recording of another program, and what comes after it; `None` of a table as ours, whose names the error
+/// is about.
 fn conversion(data: &Path, model: Option<&Path>) -> Option<String> {
     let recording = darm_import::read(data, Dialect::default()).ok()?;
-    let mapping = proposal::propose(&recording, &[]);
-    let is_as_ours = recording.notes.is_empty()
-        && recording.parts.iter().all(|part| part.kind == "table, separated by commas")
-        && mapping.entries.iter().all(|entry| entry.target == entry.source);
+    let is_as_ours =
+        recording.notes.is_empty() && recording.parts.iter().all(|part| part.kind == "table, separated by commas");
     let shown = |path: &Path| quoted(&path.display().to_string());
     let (file, converted) = (shown(data), shown(&data.with_extension("table.csv")));
     let model = model.map_or_else(String::new, |model| format!("{} ", shown(model)));
