@@ -34,8 +34,9 @@ pub struct Dialect {
     pub dates: Option<Dates>,
 }
 
-/// Lines that are looked at to find the separator.
+/// Lines that are looked at to find the separator, and bytes: a line may be the whole file.
 const LINES_TO_LOOK_AT: usize = 64;
+const BYTES_TO_LOOK_AT: usize = 1 << 20;
 const DELIMITERS: [char; 4] = ['\t', ';', ',', ' '];
 
 /// A row of cells and its line.
@@ -171,8 +172,9 @@ fn reader(text: &str, delimiter: char) -> csv::Reader<&[u8]> {
 
 /// The separator with which the first lines have as many cells as each other, and the most numbers.
 fn delimiter(body: &str) -> char {
+    let looked_at = body.floor_char_boundary(BYTES_TO_LOOK_AT);
     let lines: Vec<&str> =
-        body.split(['\n', '\r']).filter(|line| !line.trim().is_empty()).take(LINES_TO_LOOK_AT).collect();
+        body[..looked_at].split(['\n', '\r']).filter(|line| !line.trim().is_empty()).take(LINES_TO_LOOK_AT).collect();
     let score = |delimiter: &char| score(&lines, *delimiter);
     // Of equal ones the first: `max_by_key` gives the last.
     let best = DELIMITERS.into_iter().rev().max_by_key(score).filter(|best| score(best).0 > 0);
@@ -219,24 +221,24 @@ fn has_decimal_comma(rows: &[Row]) -> bool {
 fn rows(body: &str, delimiter: char, limits: &Limits) -> Result<Vec<Row>, Fault> {
     let mut rows = Vec::new();
     let mut n_cells = 0;
-    let mut add = |row: Row| {
-        n_cells += row.cells.len().max(1);
-        rows.push(row);
-        if rows[rows.len() - 1].cells.len() > limits.columns || n_cells > limits.cells {
-            return Err(Fault::of_file(limits.too_many_cells()));
-        }
-        Ok(())
+    // Before the cells are taken apart: each takes 24 bytes and an allocation more than in the text.
+    let mut has_room = |n: usize| {
+        n_cells += n.max(1);
+        let fits = n <= limits.columns && n_cells <= limits.cells;
+        if fits { Ok(()) } else { Err(Fault::of_file(limits.too_many_cells())) }
     };
     if delimiter == ' ' {
         let lines = (1..).zip(body.lines()).filter(|(_, line)| !line.trim().is_empty());
         for (line, text) in lines {
-            add(Row { line, cells: cells(text, delimiter) })?;
+            has_room(text.split_whitespace().count())?;
+            rows.push(Row { line, cells: cells(text, delimiter) });
         }
     } else {
         for record in reader(body, delimiter).records() {
             let record = record.map_err(|error| Fault::of_file(format!("no table: {error}")))?;
+            has_room(record.len())?;
             let line = place_of(body.as_bytes(), record.position(), 0).map_or(0, |place| place.line);
-            add(Row { line, cells: record.iter().map(str::to_owned).collect() })?;
+            rows.push(Row { line, cells: record.iter().map(str::to_owned).collect() });
         }
     }
     Ok(rows)
