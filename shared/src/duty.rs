@@ -15,6 +15,17 @@ use serde::{Deserialize, Serialize};
 use crate::output::{CoilLimit, MAX_COILS};
 use crate::units::Micros;
 
+/// Spans of current that the meters count in one tick, at most: of a coil whose current begins and ends between two of its turns
+/// there are three.
+pub(crate) const SPANS_A_TICK: usize = 12;
+/// Spans of one meter, at most.
+pub(crate) const SPANS: usize = 3;
+
+/// Ticks in which each meter of this number of outputs has its turn, whatever has switched.
+pub(crate) const fn turn_ticks(n_outputs: usize) -> u32 {
+    n_outputs.div_ceil(SPANS_A_TICK / SPANS) as u32
+}
+
 /// Which limit an output would exceed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Breach {

@@ -31,7 +31,6 @@ use crate::profile::{BUILT_IN, Profile};
 use crate::table::{Row, Table};
 use crate::units::{Micros, Word};
 use coils::Coils;
-pub(crate) use coils::meters::turn_ticks;
 pub use command::{Command, CommandError};
 pub use fault::{Fault, FaultKind};
 pub use io::{EnableLevel, FarEnd, Outputs, Seen, ServoAction, ServoBreach, ServoSeen, ServoTarget};

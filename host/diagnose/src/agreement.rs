@@ -9,16 +9,13 @@ pub(crate) mod poses;
 pub(crate) mod signals;
 pub(crate) mod training;
 
-use crate::measurement::root_mean_square;
+pub(crate) use crate::measurement::trimmed_root_mean_square;
 use crate::outcome::OtherReading;
 
 /// Share of the variance of what was measured that a model explains which belongs to its log.
 const MIN_EXPLAINED: f64 = 0.5;
 /// Effects that may be added to a model which explains less, named or not: more of them build another model.
 const FEW: usize = 3;
-
-/// Share of the rows, the farthest off, that do not count.
-const TRIMMED: f64 = 0.1;
 
 /// How a log and its model agree before any effect is added.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,11 +46,4 @@ impl Agreement {
             Self::Otherwise(_) => false,
         }
     }
-}
-
-/// Root mean square without the largest.
-pub(crate) fn trimmed_root_mean_square(mut numbers: Vec<f64>) -> f64 {
-    numbers.sort_unstable_by(|a, b| a.abs().total_cmp(&b.abs()));
-    numbers.truncate(numbers.len() - (numbers.len() as f64 * TRIMMED) as usize);
-    root_mean_square(&numbers)
 }

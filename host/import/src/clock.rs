@@ -13,7 +13,7 @@ pub(crate) fn from_first(part: &mut Part, k: usize, unit: Unit, notes: &mut Vec<
     let place = places(unit)?;
     let mut stamps = exact(part, k, place)?;
     let parts = parts_of(part, k, place);
-    let is_whole = parts.is_none();
+    let is_one_column = parts.is_none();
     if let Some((other, fine)) = parts {
         let [one, two] = [k, other].map(|column| &part.columns[column].name);
         notes.push(format!("{one} and {two} are one time: {two} has the parts of a unit of {one}"));
@@ -25,7 +25,7 @@ pub(crate) fn from_first(part: &mut Part, k: usize, unit: Unit, notes: &mut Vec<
     }
     let first = stamps.iter().flatten().next().copied()?;
     let zero = if LONG_AGO_NS.contains(&first) { first } else { 0 };
-    if zero == 0 && is_whole {
+    if zero == 0 && is_one_column {
         return None;
     }
     let ns_per_unit = 10f64.powi(place as i32);

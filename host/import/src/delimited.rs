@@ -15,7 +15,7 @@ use crate::clock;
 use crate::error::{Fault, Where};
 use crate::header::{Names, names};
 use crate::proposal;
-use crate::recording::{Column, Part, is_missing};
+use crate::recording::{Column, Part, Row, is_missing, number};
 use crate::time_stamp::{self, Dates};
 use crate::unit::{self, Unit};
 use darm_robot::csv_table::place_of;
@@ -34,16 +34,10 @@ pub struct Dialect {
     pub dates: Option<Dates>,
 }
 
-/// Lines that are looked at to find the separator, and bytes: a line may be the whole file.
+/// Lines that are looked at to find the separator, and bytes: a line may be the entire file.
 const LINES_TO_LOOK_AT: usize = 64;
 const BYTES_TO_LOOK_AT: usize = 1 << 20;
 const DELIMITERS: [char; 4] = ['\t', ';', ',', ' '];
-
-/// A row of cells and its line.
-pub(crate) struct Row {
-    line: usize,
-    pub(crate) cells: Vec<String>,
-}
 
 /// The table of a text file, and what its owner should know.
 pub(crate) fn read(bytes: &[u8], dialect: Dialect, limits: &Limits) -> Result<(Part, Vec<String>), Fault> {
@@ -193,11 +187,6 @@ fn score(lines: &[&str], delimiter: char) -> (usize, usize) {
     let is_number = |cell: &&&String| is_missing(cell) || number(cell).is_some() || is_comma_number(cell);
     let numbers = all.iter().filter(is_number).count();
     (1000 * alike / lines.len(), 1000 * numbers / all.len().max(1))
-}
-
-/// A number as text; `inf` and `nan` are numbers, digits with other signs between are not.
-pub(crate) fn number(cell: &str) -> Option<f64> {
-    cell.trim().parse().ok()
 }
 
 /// Whether a cell is a number with a decimal comma.

@@ -2,8 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use crate::delimited::{Row, number};
-use crate::recording::is_missing;
+use crate::recording::{Row, is_missing, number};
 use crate::time_stamp;
 use crate::unit::Unit;
 
@@ -92,7 +91,7 @@ fn joined(rows: &[&Row], width: usize) -> Vec<String> {
     let lowest = rows.len() - 1;
     let own = |k: usize| (0..rows.len()).rev().map(|row| cell(row, k)).find(|cell| !cell.is_empty());
     let mut names: Vec<String> = (0..width).map(|k| own(k).map_or_else(|| numbered(k), str::to_owned)).collect();
-    // The row above tells most; of the others the upper ones have names, the lower ones may have numbers of the same things.
+    // The row above says most; of the others the upper ones have names, the lower ones may have numbers of the same things.
     for row in (0..lowest).rev().take(1).chain(0..lowest.saturating_sub(1)) {
         let mut by_name: HashMap<&str, HashSet<&str>> = HashMap::new();
         for (k, name) in names.iter().enumerate() {

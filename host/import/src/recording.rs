@@ -115,3 +115,14 @@ pub(crate) fn is_missing(cell: &str) -> bool {
     let is_dashes = cell.chars().all(|c| matches!(c, '-' | '–' | '—'));
     is_dashes || ["nan", "na", "n/a", "n.a.", "#n/a", "null", "none", "nil", "?"].contains(&cell.as_str())
 }
+
+/// A row of cells and its line.
+pub(crate) struct Row {
+    pub(crate) line: usize,
+    pub(crate) cells: Vec<String>,
+}
+
+/// A number as text; `inf` and `nan` are numbers, digits with other signs between are not.
+pub(crate) fn number(cell: &str) -> Option<f64> {
+    cell.trim().parse().ok()
+}

@@ -173,7 +173,7 @@ pub(crate) fn stopped(began: Instant, outcome: Result<Confirmation, String>) -> 
     })
 }
 
-/// The same as text, where there is no status to tell one from the other.
+/// The same as text, where there is no status to distinguish one from the other.
 pub(crate) fn stop_json(answer: &Result<Stopped, Refused>) -> String {
     match answer {
         Ok(stopped) => json!(stopped),

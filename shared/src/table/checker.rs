@@ -3,10 +3,9 @@
 use super::error::{RowError, TableError};
 use super::modules::Modules;
 use super::{Board, Record, Row};
-use crate::duty::{Breach, DutyMeter, LATENESS, MeterLimit};
+use crate::duty::{Breach, DutyMeter, LATENESS, MeterLimit, turn_ticks};
 use crate::output::{Drive, MAX_ACTUATORS, MAX_COILS, MAX_SERVOS, SwitchClock, SwitchLimit, Wiring, WiringError};
 use crate::profile::{Mismatch, Profile};
-use crate::sequencer::turn_ticks;
 use crate::units::{ActuatorId, Digest, Micros, ModelHash, Word};
 
 /// One row goes out in a tick, so rows are no nearer to each other.
@@ -34,7 +33,7 @@ pub struct Checker {
     pub(super) servo_span_rad: [(f32, f32); MAX_SERVOS],
     /// When each actuator switched last, in microseconds after the start.
     moved_us: [u64; MAX_ACTUATORS],
-    /// An actuator rests at least so long, ms, whatever its time of travel: the meters of all outputs have their turn, and a row
+    /// An actuator rests at least this time, ms, whatever its time of travel: the meters of all outputs have their turn, and a row
     /// goes out behind a late one.
     rest_ms: u8,
 }

@@ -102,7 +102,7 @@ impl Switches {
                 let input = actuator.input;
                 self.verdict.note(JUDGE, "switch-ignored", noticed_ns, || {
                     format!(
-                        "a program runs on, and the switch at input {input} contradicts an actuator that has not moved"
+                        "a program continues, and the switch at input {input} contradicts an actuator that has not moved"
                     )
                 });
             }

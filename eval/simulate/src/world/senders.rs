@@ -147,7 +147,7 @@ impl World {
         }
     }
 
-    /// The hostile sender asks for the challenge, and sends these on a connection of its own when it comes.
+    /// The hostile sender asks for the challenge, and sends these on a separate connection when it comes.
     pub(super) fn call(&mut self, link: u32, number: u16, frames: Vec<Sent>) {
         self.bench.send(&hostile::hello(link, number, 0));
         self.callers.push(Caller { link, number, until_ns: self.now_ns() + CALL_NS, frames });

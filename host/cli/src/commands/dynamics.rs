@@ -183,7 +183,7 @@ fn accelerations(
     if let Some(found) = robot.accelerations_on(base, motion, torque)? {
         return Ok(found);
     }
-    // Which mass is missing: M is singular where a joint carries none, or where a base has none of its own to push against.
+    // Which mass is missing: M is singular where a joint carries none, or where the base has none to push against.
     let mass = robot.dynamics_on(base, motion)?.mass;
     let idle = robot.coordinates().enumerate().find(|(k, _)| mass[(*k, *k)] <= 0.0);
     let what = match idle {

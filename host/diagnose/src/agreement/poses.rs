@@ -139,7 +139,7 @@ impl Comparison<'_> {
     }
 
     /// Readings in which the digits of one module, of one actuator or of all are a row or a word late or early, as those are that a module
-    /// delivers over a bus of its own.
+    /// delivers over a separate bus.
     fn late_digits(&self, as_read: &ReadRows, by: LabelStep) -> Vec<(Misreading, ReadRows)> {
         let n = self.arm.n_actuators();
         let stage_of: Vec<usize> = self.arm.model.chain.actuators().map(|(stage, _)| stage).collect();

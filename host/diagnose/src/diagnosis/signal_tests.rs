@@ -177,7 +177,7 @@ fn one_position_that_is_zero_changes_nothing_and_is_listed() {
         let damaged = found(0.05 * f64::from(row));
         let named = |of: &Diagnosis| of.effects.iter().map(|effect| effect.law).collect::<Vec<_>>();
         assert_eq!((damaged.verdict, named(&damaged)), (clean.verdict, named(&clean)), "{:?}", damaged.plain);
-        let note = damaged.findings.iter().find(|finding| finding.kind == FindingKind::StandsOut).unwrap();
+        let note = damaged.findings.iter().find(|finding| finding.kind == FindingKind::FarOffNeighbours).unwrap();
         assert_eq!(note.line, Some(row as usize + 2), "{note:?}");
     }
 }

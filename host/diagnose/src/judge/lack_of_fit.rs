@@ -9,7 +9,7 @@ pub(crate) const MAX_OVER_NOISE: f64 = 1.2;
 /// Chance that any axis of what is left, being just so much above the noise, is said to exceed it.
 const BOUND_LEVEL: f64 = 0.01;
 /// Shares of the numbers, the farthest off, that do not count: the smallest figure of these serves. Blunders of an instrument are
-/// in few rows; noise of another distribution than the normal one is told from more of it by one share or another.
+/// in few rows; noise of another distribution than the normal one is distinguished from more of it by one share or another.
 const TRIMMED: [f64; 3] = [0.02, 0.05, 0.1];
 /// What trimming leaves of the degrees of freedom.
 const TRIMMED_DOF: f64 = 0.8;
@@ -25,12 +25,12 @@ pub(crate) struct AxisLeft {
 
 impl AxisLeft {
     /// What residuals leave that `fitted` values were fitted to, beside a noise of this mean square.
-    pub(crate) fn beside(residuals: &[f64], fitted: f64, noise: f64, noise_dof: usize) -> Option<Self> {
+    pub(crate) fn over_noise(residuals: &[f64], fitted: f64, noise: f64, noise_dof: usize) -> Option<Self> {
         Self::of(residuals, fitted, |_| noise, noise_dof as f64)
     }
 
     /// The same beside numbers that are of the noise alone, of which as large a share does not count.
-    pub(crate) fn beside_numbers(residuals: &[f64], fitted: f64, noise: &[f64], noise_dof: usize) -> Option<Self> {
+    pub(crate) fn over_sample(residuals: &[f64], fitted: f64, noise: &[f64], noise_dof: usize) -> Option<Self> {
         let sorted = sorted_squares(noise);
         Self::of(residuals, fitted, |share| trimmed_mean(&sorted, share), TRIMMED_DOF * noise_dof as f64)
     }
@@ -39,8 +39,8 @@ impl AxisLeft {
         let (sorted, n) = (sorted_squares(residuals), residuals.len() as f64);
         let rest = n - fitted;
         let ratio = |share: &f64| trimmed_mean(&sorted, *share) / noise(*share).max(f64::MIN_POSITIVE);
-        let least = TRIMMED.iter().map(ratio).fold(f64::INFINITY, f64::min);
-        (rest >= 1.0).then(|| Self { ratio: least * n / rest, dof: [(TRIMMED_DOF * rest).max(1.0), noise_dof] })
+        let min_ratio = TRIMMED.iter().map(ratio).fold(f64::INFINITY, f64::min);
+        (rest >= 1.0).then(|| Self { ratio: min_ratio * n / rest, dof: [(TRIMMED_DOF * rest).max(1.0), noise_dof] })
     }
 }
 
@@ -89,7 +89,7 @@ mod tests {
             let axes = (0..3).map(|_| {
                 let (rows, repeats) = (draw(rows), draw(repeats));
                 let noise = repeats.iter().map(|r| r * r).sum::<f64>() / repeats.len() as f64;
-                AxisLeft::beside(&rows, 0.0, noise, repeats.len()).unwrap()
+                AxisLeft::over_noise(&rows, 0.0, noise, repeats.len()).unwrap()
             });
             exceeds_noise(&axes.collect::<Vec<_>>())
         };
@@ -124,6 +124,6 @@ mod tests {
         let mut random = ChaCha8Rng::seed_from_u64(SEED);
         let mut rows: Vec<f64> = (0..400).map(|_| StandardNormal.sample(&mut random)).collect();
         rows.iter_mut().step_by(20).for_each(|row| *row = 1e3);
-        assert!(!exceeds_noise(&[AxisLeft::beside(&rows, 4.0, 1.0, 60).unwrap()]));
+        assert!(!exceeds_noise(&[AxisLeft::over_noise(&rows, 4.0, 1.0, 60).unwrap()]));
     }
 }

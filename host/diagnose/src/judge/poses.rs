@@ -105,7 +105,7 @@ fn left(selected: &SelectedPoses, trial: &Trial<ToolPoses>) -> Result<Vec<AxisLe
     let rows = [(&trial.fit.residuals, trial.fit.values.len()), (&held_out, 0)];
     let left = |axis: usize| {
         rows.iter().filter_map(move |(residuals, fitted)| {
-            AxisLeft::beside(&of_axis(residuals, n_axes, axis), *fitted as f64 / n_axes as f64, 1.0, noise.dof)
+            AxisLeft::over_noise(&of_axis(residuals, n_axes, axis), *fitted as f64 / n_axes as f64, 1.0, noise.dof)
         })
     };
     Ok((0..n_axes).flat_map(left).collect())

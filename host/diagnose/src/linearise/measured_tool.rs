@@ -15,12 +15,12 @@ use darm_core::real::{Mat3, Vec3};
 use darm_core::se::{Pose, Twist, rotation_exp, rotation_jacobian, rotation_log};
 use nalgebra::{DMatrix, DVector, Quaternion, UnitQuaternion};
 
-use crate::agreement::trimmed_root_mean_square;
 use crate::effect::{Law, Place, Site};
 use crate::linearise::experiment::{Axis, Candidate, Columns, Curvature, Experiment, Moving, Value};
 use crate::linearise::serial_chain::{self, FrameChain, SerialChain};
 use crate::measured::Measured;
 use crate::measurement::rigid_motion::{nearest_motion, nearest_rotation};
+use crate::measurement::trimmed_root_mean_square;
 use crate::prepare::signals::{PrepareError, Prepared};
 use darm_robot::robot::Robot;
 

@@ -110,7 +110,7 @@ impl<'a> Sensitivity<'a> {
     }
 
     /// Where the tool is seen when one effect takes the place of that of the same law and place in the model, or comes last
-    /// where the model has none. In its own place: a turn that stands before another motion moves the tool about other axes
+    /// where the model has none. In its own place: a turn before another motion moves the tool about other axes
     /// than one that comes after it, and at 60° by half as much.
     fn seen_with(&self, posture: &Posture, effect: &Effect<f64>) -> Pose<f64> {
         let own = |other: &&Effect<f64>| same(other, effect);

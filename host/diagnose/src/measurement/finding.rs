@@ -41,8 +41,8 @@ pub enum FindingKind {
     TimeRunsBack,
     /// A cell is not a number.
     NotANumber,
-    /// Rows are left out in which a position stands out between the rows before and after.
-    StandsOut,
+    /// Rows are left out in which a position is far off the rows before and after.
+    FarOffNeighbours,
     /// An angle jumps by a turn, and is counted on.
     Wrapped,
     /// Rows are left out in which a sensor is at the end of its range.

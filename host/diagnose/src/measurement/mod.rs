@@ -190,3 +190,13 @@ pub(crate) fn without_farthest(mut sizes: Vec<f64>) -> Vec<f64> {
 pub fn root_mean_square(values: &[f64]) -> f64 {
     (values.iter().map(|value| value * value).sum::<f64>() / values.len().max(1) as f64).sqrt()
 }
+
+/// Share of the numbers, the largest, that do not count.
+const TRIMMED: f64 = 0.1;
+
+/// Root mean square without the largest.
+pub(crate) fn trimmed_root_mean_square(mut numbers: Vec<f64>) -> f64 {
+    numbers.sort_unstable_by(|a, b| a.abs().total_cmp(&b.abs()));
+    numbers.truncate(numbers.len() - (numbers.len() as f64 * TRIMMED) as usize);
+    root_mean_square(&numbers)
+}

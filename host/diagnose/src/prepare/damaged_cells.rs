@@ -1,4 +1,4 @@
-//! Cells that a damaged log has: a position of one row that stands out between the rows beside it, an angle that jumps by a turn, and
+//! Cells that a damaged log has: a position of one row that is far off the rows next to it, an angle that jumps by a turn, and
 //! a sensor that stays at the end of its range.
 //!
 //! Rates and accelerations carry one wrong position into the rows around it, thousands of times enlarged. So the row is left out
@@ -12,16 +12,16 @@ use crate::measurement::{Finding, FindingKind};
 
 /// Rows from which on a column shows what is usual in it.
 const MIN_ROWS: usize = 50;
-/// A position stands out where it is off the cubic through its four neighbours by as many times what nearly all rows are, and by
-/// such a share of the range. Without it the rows beside it are as near to each other as others are.
-const STANDS_OUT: f64 = 20.0;
+/// A position is far off where it differs from the cubic through its four neighbours by as many times what nearly all rows are, and by
+/// such a share of the range. Without it the rows next to it are as near to each other as others are.
+const FAR_OFF: f64 = 20.0;
 const MIN_SHARE: f64 = 0.02;
-/// Share of the rows that counts as nearly all of them, and the largest that may stand out: more of them are no blunders.
+/// Share of the rows that counts as nearly all of them, and the largest that may be far off: more of them are no blunders.
 const NEARLY_ALL: f64 = 0.95;
 const MAX_SHARE: f64 = 0.01;
 /// Steps from row to row, rad, below which nearly all are where a joint moves through an angle that is wrapped.
 const SMALL_STEP: f64 = 0.5;
-/// A sensor is at the end of its range where a column has its extreme in this share of the rows and in so many in a row, as many times
+/// A sensor is at the end of its range where a column has its extreme in this share of the rows and in this number in a row, as many times
 /// more often than the next number.
 const AT_END: f64 = 0.01;
 const IN_A_ROW: usize = 4;
@@ -29,7 +29,7 @@ const MORE_OFTEN: usize = 10;
 /// Lines that a finding names.
 const MAX_LINES: usize = 8;
 
-/// Joins angles that jump by a turn, and leaves out rows in which a position stands out or what is predicted is at the end of its range.
+/// Joins angles that jump by a turn, and leaves out rows in which a position is far off or what is predicted is at the end of its range.
 pub(super) fn repair(table: &mut Table, findings: &mut Vec<Finding>) {
     let mut keep = vec![true; table.lines.len()];
     let Table { columns, lines, .. } = &mut *table;
@@ -44,10 +44,10 @@ pub(super) fn repair(table: &mut Table, findings: &mut Vec<Finding>) {
         };
         if is_position(column) {
             let turns = unwrap(&mut column.numbers);
-            let rows = standing_out(&column.numbers);
+            let rows = far_off_neighbours(&column.numbers);
             if !rows.is_empty() {
-                let why = "stands out between the rows before and after";
-                leave_out(column, FindingKind::StandsOut, &rows, why);
+                let why = "is far off the rows before and after";
+                leave_out(column, FindingKind::FarOffNeighbours, &rows, why);
             }
             if turns > 0 {
                 let text = format!("{} jumps by a turn {turns} times: it is counted on from turn to turn", column.name);
@@ -82,10 +82,10 @@ fn is_sensor(column: &Column) -> bool {
 fn unwrap(numbers: &mut [f64]) -> usize {
     let steps: Vec<f64> = numbers.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let usual = quantile(steps.iter().map(|step| step.abs()), NEARLY_ALL);
-    let small = usual.max(1e-9) * STANDS_OUT;
+    let small = usual.max(1e-9) * FAR_OFF;
     let is_jump = |step: f64| step.abs() > PI && (step.abs() - TAU).abs() < small.min(SMALL_STEP);
     let jumps = steps.iter().filter(|step| is_jump(**step)).count();
-    // A step of the same size the other way belongs to a number that stands out, not to a turn.
+    // A step of the same size the other way belongs to a number that is far off, not to a turn.
     if usual > SMALL_STEP || jumps == 0 || !steps.iter().all(|step| step.abs() < PI || is_jump(*step)) {
         return 0;
     }
@@ -97,8 +97,8 @@ fn unwrap(numbers: &mut [f64]) -> usize {
     jumps
 }
 
-/// The rows of a smooth column that stand out; none where there are many.
-fn standing_out(numbers: &[f64]) -> Vec<usize> {
+/// The rows of a smooth column that are far off; none where there are many.
+fn far_off_neighbours(numbers: &[f64]) -> Vec<usize> {
     let off = |numbers: &[f64], k: usize| {
         let at = |k: usize| numbers[k];
         (at(k) - (4.0 * (at(k - 1) + at(k + 1)) - at(k - 2) - at(k + 2)) / 6.0).abs()
@@ -106,7 +106,7 @@ fn standing_out(numbers: &[f64]) -> Vec<usize> {
     let inside = 2..numbers.len() - 2;
     let usual = quantile(inside.clone().map(|k| off(numbers, k)), NEARLY_ALL);
     let (low, high) = numbers.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), n| (l.min(*n), h.max(*n)));
-    let limit = (STANDS_OUT * usual).max(MIN_SHARE * (high - low));
+    let limit = (FAR_OFF * usual).max(MIN_SHARE * (high - low));
     let is_alone = |&k: &usize| {
         let mut without = numbers[k - 2..=k + 2].to_vec();
         without[2] = (4.0 * (without[1] + without[3]) - without[0] - without[4]) / 6.0;
@@ -156,14 +156,14 @@ mod tests {
     #[test]
     fn one_position_that_stands_out_is_found_and_a_step_is_none() {
         let smooth: Vec<f64> = (0..1000).map(wave).collect();
-        assert!(standing_out(&smooth).is_empty());
+        assert!(far_off_neighbours(&smooth).is_empty());
         let mut damaged = smooth.clone();
         [125, 400, 801].iter().for_each(|&row| damaged[row] = 0.0);
-        assert_eq!(standing_out(&damaged), [125, 400, 801]);
+        assert_eq!(far_off_neighbours(&damaged), [125, 400, 801]);
         let stepped: Vec<f64> = (0..1000).map(|k| wave(k) + if k < 500 { 0.0 } else { 1.0 }).collect();
-        assert!(standing_out(&stepped).is_empty());
+        assert!(far_off_neighbours(&stepped).is_empty());
         let postures: Vec<f64> = (0..1000).map(|k| (37.0 * k as f64).sin()).collect();
-        assert!(standing_out(&postures).is_empty(), "no motion");
+        assert!(far_off_neighbours(&postures).is_empty(), "no motion");
     }
 
     #[test]

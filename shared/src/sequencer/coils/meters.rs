@@ -2,26 +2,16 @@
 //!
 //! When a coil switched is only noted: its meter counts in its turn what flowed before and after, so that no row makes a tick
 //! long. Two times are noted; where current begins or ends a third time before the meter's turn, the meter counts at once. No
-//! program does that in time: each actuator [rests for a turn](turn_ticks), and the first row waits until all is counted.
+//! program does that in time: each actuator [rests for a turn](crate::duty::turn_ticks), and the first row waits until all is counted.
 
 use super::{Coils, bit_of};
-use crate::duty::Breach;
+use crate::duty::{Breach, SPANS, SPANS_A_TICK};
 use crate::sequencer::FaultKind;
 use crate::sequencer::bits::Bits;
 use crate::units::Micros;
 
 /// Meters that count in turn in one tick.
 pub(super) const METERS_A_TICK: usize = 6;
-/// Spans that they count at most: of a coil whose current begins and ends between two of its turns there are three.
-const SPANS_A_TICK: usize = 12;
-/// Spans of one meter, at most.
-const SPANS: usize = 3;
-
-/// Ticks in which each of so many meters has its turn, whatever has switched.
-pub(crate) const fn turn_ticks(n_outputs: usize) -> u32 {
-    n_outputs.div_ceil(SPANS_A_TICK / SPANS) as u32
-}
-
 impl Coils<'_> {
     /// Lets the next meters count.
     #[inline(always)]
