@@ -9,11 +9,11 @@ use super::webdriver::Browser;
 /// Names of another program for the columns of the example, and what they hold.
 const FOREIGN: [(&str, &str, &str); 8] = [
     ("Zeit [ms]", "time", "ms"),
-    ("Wort", "word", ""),
+    ("Stellung", "word", ""),
     ("Vorher", "previous", ""),
     ("X [mm]", "x", "mm"),
     ("Y [mm]", "y", "mm"),
-    ("Winkel [deg]", "angle", "deg"),
+    ("Richtung [deg]", "angle", "deg"),
     ("Druck [bar]", "supply", "bar"),
     ("Temperatur [°C]", "temperature", "c"),
 ];
