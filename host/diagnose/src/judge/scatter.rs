@@ -111,8 +111,8 @@ fn share_without_steps<'a>(of: &[f64], alike: impl Iterator<Item = &'a Vec<usize
 /// A mean square of an axis with that of rounding, where what was measured is rounded to steps that it does not show.
 fn with_rounding(experiment: &Experiment, axis: usize, square: f64) -> f64 {
     let Some(measured) = &experiment.measured else { return square };
-    let of_step = resolution::step(of_axis(measured, experiment.axes.len(), axis)).powi(2) / 12.0;
-    if square < 4.0 * of_step { square + of_step } else { square }
+    let step = resolution::step(of_axis(measured, experiment.axes.len(), axis));
+    resolution::with_rounding(square, resolution::rounding(step))
 }
 
 /// Leaves the rows that are farther off the median of their condition than noise ever is, as far as the median of the differences

@@ -28,19 +28,26 @@ impl Resolution {
             let step = |axis: usize| step(coordinates.iter().map(|all| all[axis]).collect());
             (0..3).map(step).fold(0.0, f64::max)
         };
-        // Of a step q the error of rounding is uniform in ±q/2.
         let [angle, length] =
-            [widest(&|pose| rotation_log(&pose.rotation).into()), widest(&|pose| pose.position.into())]
-                .map(|step| step.powi(2) / 12.0);
+            [widest(&|pose| rotation_log(&pose.rotation).into()), widest(&|pose| pose.position.into())].map(rounding);
         Self { angle, length }
     }
 
-    /// The variance of a component of a twist, angles first, with that of rounding, where repeats of this variance are too near
-    /// each other to show it: the same pose is rounded the same way each time.
+    /// The variance of a component of a twist, angles first, as [`with_rounding`].
     pub(crate) fn added_to(&self, axis: usize, variance: f64) -> f64 {
-        let rounding = if axis < 3 { self.angle } else { self.length };
-        if variance < 4.0 * rounding { variance + rounding } else { variance }
+        with_rounding(variance, if axis < 3 { self.angle } else { self.length })
     }
+}
+
+/// The variance of rounding to a step: its error is uniform within half a step to either side.
+pub(crate) fn rounding(step: f64) -> f64 {
+    step.powi(2) / 12.0
+}
+
+/// The variance of repeats with that of rounding, where they are too near each other to show it: the same number is rounded the same
+/// way each time.
+pub(crate) fn with_rounding(variance: f64, rounding: f64) -> f64 {
+    if variance < 4.0 * rounding { variance + rounding } else { variance }
 }
 
 /// The largest step of which all numbers are multiples, from the least on; 0 where there is none.
