@@ -7,6 +7,7 @@
 use std::f64::consts::{PI, TAU};
 
 use crate::measurement::column::Column;
+use crate::measurement::signal::unwrapped;
 use crate::measurement::table::Table;
 use crate::measurement::{Finding, FindingKind};
 
@@ -89,11 +90,7 @@ fn unwrap(numbers: &mut [f64]) -> usize {
     if usual > SMALL_STEP || jumps == 0 || !steps.iter().all(|step| step.abs() < PI || is_jump(*step)) {
         return 0;
     }
-    let mut turns = 0.0;
-    for (number, step) in numbers[1..].iter_mut().zip(&steps) {
-        turns -= if is_jump(*step) { step.signum() } else { 0.0 };
-        *number += turns * TAU;
-    }
+    numbers.copy_from_slice(&unwrapped(numbers));
     jumps
 }
 
