@@ -102,7 +102,10 @@ mod tests {
             let normal = alarms(200, repeats, |random| StandardNormal.sample(random));
             let even = alarms(200, repeats, |random| random.random_range(-1.0..1.0));
             let heavy = alarms(200, repeats, |random| StudentT::new(3.0).unwrap().sample(random));
-            let with_blunders = alarms(200, repeats, |random| StandardNormal.sample(random));
+            let with_blunders = alarms(200, repeats, |random| {
+                let normal: f64 = StandardNormal.sample(random);
+                if random.random_bool(0.005) { 100.0 * normal } else { normal }
+            });
             assert!(
                 normal + even + with_blunders <= 3 && heavy <= 6,
                 "{repeats}: {normal} {even} {heavy} {with_blunders}"
