@@ -10,7 +10,7 @@ use crate::effect::Law;
 use crate::linearise::experiment::Experiment;
 use crate::linearise::model::Model;
 use crate::linearise::model_effects::ModelEffect;
-use crate::linearise::{columns, linearise, measured_tool};
+use crate::linearise::{columns, measured_tool};
 use crate::misreading::Misreading;
 use crate::outcome::{Number, OtherReading};
 use crate::prepare::signals::Prepared;
@@ -29,7 +29,7 @@ pub(crate) fn agreement(model: &Model, data: &Prepared, experiment: &Experiment)
     if experiment.kind.is_of_tool() {
         // The frame of an instrument that measures a tool may be anywhere: only the model with what was found is compared, and
         // the turns of the tool.
-        return quaternion_reading(model, data, experiment).map_or(Agreement::AsRead, Agreement::Otherwise).into();
+        return quaternion_reading(data, experiment).map_or(Agreement::AsRead, Agreement::Otherwise).into();
     }
     let Some(training) = Training::of(experiment) else { return Agreement::AsRead.into() };
     let is_near = (0..experiment.n_norm).all(|axis| training.share(experiment, axis) < NEAR);
@@ -129,12 +129,12 @@ fn other_reading(misreading: Misreading, error: f64, experiment: &Experiment) ->
 }
 
 /// The order or sense of the quaternion in which the tool turns as it is predicted to, where it does not as it is read.
-fn quaternion_reading(model: &Model, data: &Prepared, experiment: &Experiment) -> Option<OtherReading> {
-    let as_read = measured_tool::turn_error(data, experiment)?;
-    let read = quaternions().into_iter().filter_map(|(misreading, columns)| {
-        let data = data.read_as(columns, 0, usize::MAX);
-        Some((misreading, measured_tool::turn_error(&data, &linearise(model, &data).ok()?)?))
-    });
+fn quaternion_reading(data: &Prepared, experiment: &Experiment) -> Option<OtherReading> {
+    let error = |read: &Prepared| measured_tool::turn_error(data, experiment, read);
+    let as_read = error(data)?;
+    let read = quaternions()
+        .into_iter()
+        .filter_map(|(misreading, columns)| Some((misreading, error(&data.read_as(columns, 0, usize::MAX))?)));
     let (misreading, error) = read.min_by(|a, b| a.1.total_cmp(&b.1))?;
     let rad = |error| Number::new(error, "rad");
     let reading = OtherReading { misreading, as_read: Some(rad(as_read)), error: rad(error) };

@@ -120,18 +120,19 @@ fn poses(data: &Prepared, oriented: bool) -> Result<Vec<Pose<f64>>, PrepareError
     Ok((0..data.rows.len()).map(pose).collect())
 }
 
-/// How far the tool turns other than predicted in the training rows, rad: root mean square without the farthest rows, after the best
-/// turn of the tool on the flange, of which a model may know nothing. `None` where only its position was measured.
-pub(crate) fn turn_error(data: &Prepared, experiment: &Experiment) -> Option<f64> {
+/// How far the tool turns other than predicted in the training rows, rad, with its quaternion as in `read`, the rows of the experiment
+/// read in some way: root mean square without the farthest rows, after the best turn of the tool on the flange, of which a model
+/// may know nothing. `None` where only its position was measured.
+pub(crate) fn turn_error(data: &Prepared, experiment: &Experiment, read: &Prepared) -> Option<f64> {
     if experiment.kind != Measured::ToolPose {
         return None;
     }
-    let measured = poses(data, true).ok()?;
+    let [measured, read] = [poses(data, true).ok()?, poses(read, true).ok()?];
     let training = (0..measured.len()).filter(|row| !experiment.rows[*row].held_out);
     let pairs: Vec<(Mat3<f64>, Mat3<f64>)> = training
         .map(|row| {
             let off = Vec3::from_column_slice(&experiment.residuals[6 * row + 3..6 * row + 6]);
-            (rotation_exp(&off) * measured[row].rotation, measured[row].rotation)
+            (rotation_exp(&off) * measured[row].rotation, read[row].rotation)
         })
         .collect();
     let on_flange = nearest_rotation(&pairs.iter().map(|(own, seen)| own.transpose() * seen).sum());

@@ -141,8 +141,12 @@ impl Observations {
     ///
     /// The model has no pose under the conditions of a row.
     pub fn residuals(&self, model: &ArmModel, scratch: &mut ArmScratch) -> Result<Vec<f64>, NoPose> {
-        let predicted = self.predicted(model, scratch)?;
-        Ok(self.rows.iter().zip(&predicted).flat_map(|(row, predicted)| self.residual(row, predicted)).collect())
+        Ok(self.residuals_of(&self.predicted(model, scratch)?))
+    }
+
+    /// The residuals of all rows where the tool is predicted in these places.
+    pub(crate) fn residuals_of(&self, predicted: &[Pose<f64>]) -> Vec<f64> {
+        self.rows.iter().zip(predicted).flat_map(|(row, predicted)| self.residual(row, predicted)).collect()
     }
 
     /// Where the model has the tool in each row.

@@ -200,7 +200,8 @@ fn registered(
     let effects = model.effects.iter().map(|effect| effect.law().name());
     let base = effects.enumerate().position(|(k, name)| name == LawName::BaseOffset && is_fitted(k));
     let Some(base) = base else { return Ok(model.clone()) };
-    let motion = observations.nearest_motion(&observations.predicted(model, scratch)?);
+    let predicted = observations.predicted(model, scratch)?;
+    let motion = observations.nearest_motion(&predicted);
     let mut moved = model.clone();
     if let [rx, ry, rz, x, y, z] = moved.effects[base].law_mut().values_mut() {
         let place = motion * Pose::new(&Vec3::new(*rx, *ry, *rz), Vec3::new(*x, *y, *z));
@@ -208,7 +209,7 @@ fn registered(
         ([*rx, *ry, *rz], [*x, *y, *z]) = (turn.into(), place.position.into());
     }
     let loss = |residuals: &[f64]| losses(residuals, observations.n_axes()).iter().sum::<f64>();
-    let is_nearer = loss(&observations.residuals(&moved, scratch)?) < loss(&observations.residuals(model, scratch)?);
+    let is_nearer = loss(&observations.residuals(&moved, scratch)?) < loss(&observations.residuals_of(&predicted));
     Ok(if is_nearer { moved } else { model.clone() })
 }
 
