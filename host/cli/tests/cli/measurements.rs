@@ -35,7 +35,7 @@ fn damaged() -> Vec<(&'static str, &'static str, String, i32, &'static str)> {
         ("five-rows", force, HEAD.to_string() + &good(5), 1, "not enough"),
         ("a-run-a-row", force, runs, 1, "not enough"),
         ("all-held-out", force, held, 1, "not enough"),
-        ("no-numbers", force, all("nan,nan,nan,nan"), 1, "the column of time has no numbers"),
+        ("no-numbers", force, all("nan,nan,nan,nan"), 1, ":2: F_N is `nan`, not a number, as in 60 of 60 rows"),
         ("words", force, all("x,y,z,w"), 1, ":2: F_N is `"),
         ("overflow", force, all("1,2,1e300,1e300"), 1, "time never increases"),
         ("control-characters", force, "\u{1}\n\u{2},\u{3}\n".into(), 1, ":2:3: the row has 2 cells, the header has 1"),

@@ -105,7 +105,7 @@ impl Prepared {
         constant(&table, &mut findings);
         units(&table, &mut findings);
         let mut time_s = times_s(&table, how.rate_hz);
-        check_times(&time_s)?;
+        check_times(&table, &time_s)?;
         let chosen = how.hold_out.rows(&table, each)?;
         findings.extend(chosen.nothing(&how.hold_out));
         let HeldOut { rows: is_held_out, description: held_out, keys } = chosen;

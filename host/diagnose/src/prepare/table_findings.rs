@@ -25,13 +25,15 @@ const SOME_ROWS: usize = 10;
 /// Share of the rows in which time may run back: new recordings begin there.
 const MAX_BACKWARD: f64 = 0.1;
 
-/// That time increases, except for a few rows.
-pub(super) fn check_times(time_s: &[f64]) -> Result<(), PrepareError> {
+/// That time has numbers where other columns of the table have some, and increases, except for a few rows.
+pub(super) fn check_times(table: &Table, time_s: &[f64]) -> Result<(), PrepareError> {
     let steps = time_s.len().saturating_sub(1);
     let count = |of: fn(f64) -> bool| time_s.windows(2).filter(|pair| of(pair[1] - pair[0])).count();
     let (backward, forward) = (count(|step_s| step_s < 0.0), count(|step_s| step_s > 0.0));
     let cure = "is this the column of time? give rows without it a rate with --rate";
-    if time_s.iter().all(|time_s| time_s.is_nan()) {
+    // Where no column has any, the first that is needed is the better answer.
+    let has_numbers = table.columns.iter().any(|column| column.numbers.iter().any(|number| number.is_finite()));
+    if has_numbers && time_s.iter().all(|time_s| time_s.is_nan()) {
         let text = "the column of time has no numbers; dates and times of day are read by darm import";
         return Err(PrepareError::Nothing(text.into()));
     }
