@@ -12,7 +12,7 @@
 //! | `Release` | torque off                                                                                  |
 //!
 //! What a hold or a release has written is read back, and written again until the servo has it. No single answer decides: where a
-//! servo is, is a [vote](Bus::agree) of the reads and of the place before, and a position becomes a goal after one more read that
+//! servo is, is a vote of the reads and of the place before, and a position becomes a goal after one more read that
 //! agrees; registers count as read when two answers in a row are the same.
 //!
 //! Range, speed and motion are compared with the profile in each visit, whatever the servo is to do, and a breach that lasts for two
