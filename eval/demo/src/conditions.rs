@@ -3,7 +3,7 @@
 //! Both drift. What they settle to is right for an arm that is used later; the frames are measured at once.
 
 use darm_arm::arm::{Arm, ZERO_CELSIUS};
-use darm_diagnose::measurement::{Run, Sample};
+use darm_measure::{Run, Sample};
 
 /// An arm, what the sensors measured last, and how long the next table will be played.
 pub(super) struct Trend<'r> {
@@ -52,7 +52,7 @@ fn line(points: impl Iterator<Item = (f64, f64)>) -> Option<f64> {
 mod tests {
     use darm_arm::arm::Arm;
     use darm_core::se::Pose;
-    use darm_diagnose::measurement::{Run, Sample};
+    use darm_measure::{Run, Sample};
 
     use super::Trend;
     use crate::ArmKind;

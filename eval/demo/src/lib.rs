@@ -14,7 +14,6 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
-use darm_diagnose::measurement;
 use darm_diagnose::truth::Kind;
 
 use darm_figures::items::{self, Spread};
@@ -144,7 +143,7 @@ fn emulated_image(board: image::Board) -> Result<Option<PathBuf>> {
 
 fn keep(path: &Path, what: Keep) -> Result<()> {
     let text = match what {
-        Keep::Run(run) => measurement::write_text(run),
+        Keep::Run(run) => darm_measure::write_text(run),
         Keep::Diagnosis(diagnosis) => serde_json::to_string_pretty(diagnosis)?,
         Keep::Arm(arm) => return Ok(arm.write(path)?),
     };

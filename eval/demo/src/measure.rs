@@ -5,8 +5,8 @@ use darm_arm::arm::Arm;
 use darm_arm::plan::{Visit, plan};
 use darm_core::sequencer::{Command, Event};
 use darm_core::units::Micros;
-use darm_diagnose::measurement::{Run, Sample};
 use darm_diagnose::truth::{TrueState, Truth};
+use darm_measure::{Run, Sample};
 use rand_chacha::ChaCha8Rng;
 
 use crate::rig::Rig;

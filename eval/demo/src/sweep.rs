@@ -1,12 +1,12 @@
 //! The loop for many seeds in this process, in one table: how often is it right?
 
 use anyhow::Result;
-use darm_diagnose::measurement::median;
 use darm_diagnose::truth::Kind;
 use darm_figures::figure::Figure;
 use darm_figures::items::Job;
 use darm_figures::progress::Progress;
 use darm_figures::shard::Shard;
+use darm_measure::median;
 use serde::{Deserialize, Serialize};
 
 use crate::ArmKind;

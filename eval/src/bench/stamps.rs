@@ -5,9 +5,9 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
-use darm_diagnose::measurement::csv_text::csv_text;
-use darm_diagnose::measurement::table::{Names, Table};
 use darm_figures::figure::Figure;
+use darm_measure::csv_text::csv_text;
+use darm_measure::table::{Names, Table};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;

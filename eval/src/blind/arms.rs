@@ -5,8 +5,8 @@ use std::sync::OnceLock;
 use anyhow::Result;
 use darm_arm::arm::Arm;
 use darm_arm::arm::frames::{DesiredFrame, Weights};
-use darm_diagnose::measurement::Sample;
 use darm_diagnose::measurement_plan::{Options, Step, as_run, candidates, plan};
+use darm_measure::Sample;
 
 use xtask::setup;
 

@@ -16,10 +16,10 @@ use darm_core::effect::Effect;
 use darm_diagnose::effect::Place;
 use darm_diagnose::linearise::arm_candidates::{all, beginning};
 use darm_diagnose::linearise::sensitivity::Sensitivity;
-use darm_diagnose::measurement::root_mean_square;
 use darm_diagnose::prepare::observations::{NoPose, Observations};
 use darm_diagnose::prepare::repeatability::{Noise, repeated};
 use darm_diagnose::truth::Blind;
+use darm_measure::root_mean_square;
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 

@@ -1,10 +1,10 @@
 //! A log as a text of cells: what damages it reads and writes no numbers but those in the cells.
 
-use darm_diagnose::measurement::csv_text::{csv_cells, csv_text};
+use darm_measure::csv_text::{csv_cells, csv_text};
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
-use darm_diagnose::measurement::table::{Names, Table};
+use darm_measure::table::{Names, Table};
 
 /// Header and rows of a table.
 #[derive(Clone, Debug)]

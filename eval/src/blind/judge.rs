@@ -6,14 +6,14 @@ use darm_core::effect::Effect;
 use darm_diagnose::correction::{ArmCorrection, Outcome};
 use darm_diagnose::effect::{Law, Place};
 use darm_diagnose::linearise::arm_candidates::{all, place_code};
-use darm_diagnose::measurement::Run;
-use darm_diagnose::measurement::root_mean_square;
 use darm_diagnose::measurement_plan::candidates;
 use darm_diagnose::outcome::{Effect as Found, Regressor, Verdict};
 use darm_diagnose::prepare::observations::Observations;
 use darm_diagnose::select::robust_fit::fit;
 use darm_diagnose::select::tool_pose::values;
 use darm_diagnose::truth::{Blind, Sealed};
+use darm_measure::Run;
+use darm_measure::root_mean_square;
 use serde::{Deserialize, Serialize};
 
 use super::case::Class;

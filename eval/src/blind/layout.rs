@@ -3,10 +3,10 @@
 use clap::ValueEnum;
 use darm_core::real::Vec3;
 use darm_core::se::{Pose, Twist};
-use darm_diagnose::measurement::Run;
 use darm_diagnose::measurement_plan::Step;
 use darm_diagnose::prepare::sampling::usual_step_s;
 use darm_diagnose::truth::Kind;
+use darm_measure::Run;
 use rand::seq::SliceRandom;
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};

@@ -3,9 +3,9 @@
 use anyhow::Result;
 use darm_diagnose::diagnosis::{SignalOptions, diagnose_table};
 use darm_diagnose::linearise::model::{Model, What};
-use darm_diagnose::measurement::table::Table;
 use darm_diagnose::outcome::{Dependence, Diagnosis, Regressor, Verdict};
 use darm_diagnose::prepare::signals::Preparation;
+use darm_measure::table::Table;
 use darm_robot::robot::Robot;
 use darm_robot::urdf::{self, Locks};
 use rand::SeedableRng;

@@ -11,7 +11,7 @@ use darm_core::se::rotation_exp;
 use darm_diagnose::effect::{Place, Site};
 use darm_diagnose::linearise::model_effects::ModelEffect;
 use darm_diagnose::linearise::torque;
-use darm_diagnose::measurement::root_mean_square;
+use darm_measure::root_mean_square;
 use darm_robot::rigid_body::inertia::INERTIAL_PARAMETERS;
 use darm_robot::robot::{Motion, Robot};
 use nalgebra::{DMatrix, DVector};

@@ -2,8 +2,8 @@
 
 use anyhow::Result;
 use darm_diagnose::effect::{Law, Place, Site};
-use darm_diagnose::measurement::root_mean_square;
 use darm_diagnose::outcome::{Alternative, Diagnosis};
+use darm_measure::root_mean_square;
 use nalgebra::{DMatrix, DVector};
 
 use super::judge::Named;

@@ -19,14 +19,14 @@
 //! | a backpack on a link, held postures | weight of a point, by statics |
 //! | a plate that drifts, outside the list | Δ(cop x) = c·sin(2πt/P) |
 
-use darm_diagnose::measurement::csv_text::csv_text;
+use darm_measure::csv_text::csv_text;
 use std::fmt;
 use std::path::Path;
 
 use anyhow::Result;
 use darm_diagnose::effect::{Law, Place, Site};
-use darm_diagnose::measurement::root_mean_square;
-use darm_diagnose::measurement::table::{Names, Table};
+use darm_measure::root_mean_square;
+use darm_measure::table::{Names, Table};
 use nalgebra::DMatrix;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;

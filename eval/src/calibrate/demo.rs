@@ -5,13 +5,13 @@ use darm_arm::arm::Arm;
 use darm_arm::arm::frames::DesiredFrame;
 use darm_diagnose::calibrate::{Options, Task};
 use darm_diagnose::diagnosis::{self, diagnose};
-use darm_diagnose::measurement::median;
 use darm_diagnose::measurement_plan::{self, plan};
 use darm_diagnose::outcome::Diagnosis;
 use darm_diagnose::truth::{Blind, Kind};
 use darm_figures::figure::Figure;
 use darm_figures::items::Job;
 use darm_figures::shard::Shard;
+use darm_measure::median;
 use serde::{Deserialize, Serialize};
 
 use super::{Simulated, calibrate};

@@ -6,11 +6,11 @@ mod demo;
 use anyhow::Result;
 use darm_arm::arm::Arm;
 use darm_diagnose::calibrate::{Look, Next, State, Station, Task, look};
-use darm_diagnose::measurement::Sample;
 use darm_diagnose::measurement_plan::Step;
 use darm_diagnose::progress::Progress;
 use darm_diagnose::truth::Blind;
 use darm_figures::items::{self, Spread};
+use darm_measure::Sample;
 
 pub(crate) use clean::Clean;
 pub(crate) use demo::Effects;

@@ -7,9 +7,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use darm_arm::table_file;
-use darm_diagnose::measurement;
 
-use darm_diagnose::visits;
+use darm_measure::visits;
 
 /// Number of bytes that decide the kind of a file.
 const HEAD_BYTES: u64 = 512;
@@ -198,7 +197,7 @@ fn first_bytes(path: &Path, n_bytes: u64) -> Option<Vec<u8>> {
 }
 
 fn is_recording(path: &Path) -> bool {
-    measurement::about(path).is_ok_and(|about| about.contains_key("program_start_s"))
+    darm_measure::about(path).is_ok_and(|about| about.contains_key("program_start_s"))
 }
 
 /// The file that a name refers to, even if it does not exist yet.

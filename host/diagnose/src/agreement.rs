@@ -9,8 +9,8 @@ pub(crate) mod poses;
 pub(crate) mod signals;
 pub(crate) mod training;
 
-pub(crate) use crate::measurement::trimmed_root_mean_square;
 use crate::outcome::OtherReading;
+pub(crate) use darm_measure::trimmed_root_mean_square;
 
 /// Share of the variance of what was measured that a model explains which belongs to its log.
 const MIN_EXPLAINED: f64 = 0.5;

@@ -30,13 +30,13 @@ use serde::{Deserialize, Serialize};
 use crate::correction::{ArmCorrection, Outcome};
 use crate::diagnosis::{self, diagnose};
 use crate::error::DiagnoseError;
-use crate::measurement::{Run, Sample};
 use crate::measurement_plan::{NOISE, Step};
 use crate::outcome::{Diagnosis, Verdict};
 use crate::prepare::observations::NoPose;
 use crate::prepare::repeatability::repeated;
 use crate::progress::Progress;
 use crate::select::significance::Levels;
+use darm_measure::{Run, Sample};
 use design::Design;
 use found::Found;
 

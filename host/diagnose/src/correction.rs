@@ -4,11 +4,11 @@ use darm_core::effect::Effect;
 
 use crate::judge::fitted_terms::WithTerms;
 use crate::linearise::model_effects::ModelEffect;
-use crate::measurement::Run;
 use crate::model_file::ModelFile;
 use crate::outcome::Diagnosis;
 use crate::prepare::observations::Observations;
 use darm_arm::arm::{Arm, ZERO_CELSIUS};
+use darm_measure::Run;
 
 /// A diagnosis, and what it adds to the model.
 #[derive(Clone, Debug, PartialEq)]

@@ -6,9 +6,9 @@ use std::iter;
 use darm_core::chain::ChainError;
 
 use crate::effect::Law;
-use crate::measurement::{Finding, ReadError};
 use crate::prepare::groups::FOLDS;
 use crate::prepare::signals::PrepareError;
+use darm_measure::{Finding, ReadError};
 
 /// Training words without which nothing can be said: two in each part that is left out in turn.
 pub const MIN_WORDS: usize = 2 * FOLDS;

@@ -10,12 +10,12 @@ use crate::correction::{ArmCorrection, Keep, SignalCorrection};
 use crate::diagnosis::{Options, SignalOptions, diagnose, diagnose_file};
 use crate::error::DiagnoseError;
 use crate::linearise::model::{Model, ModelError};
-use crate::measurement::origin::{Origin, OtherModel};
-use crate::measurement::poses::{self, Which};
-use crate::measurement::table::Names;
-use crate::measurement::{ReadError, Run, about};
 use crate::model_file::{Chosen, ModelFile};
 use crate::outcome::Diagnosis;
+use darm_measure::origin::{Origin, OtherModel};
+use darm_measure::poses::{self, Which};
+use darm_measure::table::Names;
+use darm_measure::{ReadError, Run, about};
 
 /// A model and measurements of what it describes.
 #[derive(Clone, Debug)]

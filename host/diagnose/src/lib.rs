@@ -21,7 +21,6 @@ pub mod files;
 pub mod judge;
 pub mod linearise;
 pub mod measured;
-pub mod measurement;
 pub mod measurement_plan;
 pub mod misreading;
 pub mod model_file;
@@ -36,5 +35,3 @@ pub mod report;
 pub mod select;
 
 pub mod truth;
-pub mod visit_table;
-pub mod visits;

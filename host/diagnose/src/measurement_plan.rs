@@ -24,10 +24,12 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::linearise::arm_candidates;
 use crate::linearise::sensitivity::Sensitivity;
-use crate::measurement::{Run, Sample};
 use crate::measurement_plan::optimal_design::informative_first;
 use crate::prepare::observations::Observations;
 use darm_arm::arm::{Arm, ArmScratch, ZERO_CELSIUS};
+use darm_arm::plan::Visit;
+use darm_measure::visit_table::PlannedVisit;
+use darm_measure::{Run, Sample};
 
 /// Words that compete for a place in a measurement plan.
 const COMPETING: usize = 512;
@@ -114,6 +116,15 @@ pub fn plan(arm: &Arm, options: &Options) -> Vec<Step> {
         }
     }
     steps
+}
+
+/// The visits of a measurement plan, each for `dwell_s`.
+pub fn measurement_visits(arm: &Arm, options: &Options, dwell_s: f64) -> Vec<PlannedVisit> {
+    let visit = |(number, step): (usize, Step)| PlannedVisit {
+        held_out: step.held_out,
+        visit: Visit { word: step.word, servos_rad: step.servos_rad, dwell_s, label: format!("visit {number}") },
+    };
+    plan(arm, options).into_iter().enumerate().map(visit).collect()
 }
 
 /// Parts the numbers of words, in the order in which they were drawn, into `n` that are held out and the others. Each state

@@ -37,10 +37,10 @@ use serde::Serialize;
 pub use crate::effect::{Effect, Value};
 use crate::effect::{Law, Site, as_str};
 pub use crate::measured::Measured;
-use crate::measurement::{Finding, FindingKind};
 pub use crate::misreading::Misreading;
 pub use crate::rejection::Rejection;
 pub use crate::select::forward::SelectionStep;
+use darm_measure::{Finding, FindingKind};
 pub use structure::{Dependence, Regressor, Shape, Structure};
 
 /// What was found.

@@ -9,9 +9,9 @@ pub mod signals;
 pub mod tables;
 
 use crate::judge::Judgement;
-use crate::measurement::Finding;
 use crate::outcome::{BeforeAfter, Diagnosis, Measured, OtherReading, Outlier, Point, Rows, SelectionStep};
 use crate::rejection::Rejection;
+use darm_measure::Finding;
 
 /// What a report shows of the rows of a measurement and of the search.
 pub(crate) struct Summary {

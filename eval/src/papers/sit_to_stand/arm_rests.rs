@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
-use darm_diagnose::measurement::table::{Names, Table};
+use darm_measure::table::{Names, Table};
 use darm_papers::motion::demonstration::Demonstration;
 use darm_papers::motion::mapping::map;
 use darm_papers::motion::person::person;

@@ -1,7 +1,7 @@
 //! A demonstration as the table that `darm com map` reads.
 
 use darm_core::real::Vec3;
-use darm_diagnose::measurement::csv_text::csv_text;
+use darm_measure::csv_text::csv_text;
 use darm_papers::motion::demonstration::Demonstration;
 
 /// A capture as `darm com map` reads it, with the plates of floor and chair, and of arm rests where hands push: Fz, Mx, My

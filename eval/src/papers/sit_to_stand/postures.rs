@@ -1,6 +1,6 @@
 //! Identification: from static postures, and with friction from motions.
 
-use darm_diagnose::measurement::csv_text::csv_text;
+use darm_measure::csv_text::csv_text;
 use std::fs;
 use std::io::Read as _;
 use std::path::Path;

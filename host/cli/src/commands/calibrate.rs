@@ -16,7 +16,7 @@ use darm_diagnose::calibrate::{Look, Next, Options, State, Station as _, Task, l
 use darm_diagnose::correction::Keep;
 use darm_diagnose::measurement_plan::Step;
 use darm_diagnose::progress::Progress;
-use darm_diagnose::visit_table::{MEASUREMENT_DWELL_S, default_dwell_s};
+use darm_measure::visit_table::{MEASUREMENT_DWELL_S, default_dwell_s};
 
 use super::adjust;
 use crate::failure::Usage;

@@ -15,7 +15,7 @@ use darm_core::real::Vec3;
 use darm_core::se::{Pose, Pose2};
 use darm_device::clock::host_now_s;
 
-use darm_diagnose::measurement::csv_text::{csv_cells, csv_line};
+use darm_measure::csv_text::{csv_cells, csv_line};
 
 /// One bar in the unit of the model's supply, Pa.
 pub(crate) const BAR: f64 = 1e5;

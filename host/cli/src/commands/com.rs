@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::subject::{Posture, Subject, SubjectArgs};
 use crate::failure::Usage;
 use crate::ui::{Answer, Ui, columns, number};
-use darm_diagnose::measurement::csv_text::csv_line;
+use darm_measure::csv_text::csv_line;
 
 const EXAMPLES: &str = "\
 Examples:

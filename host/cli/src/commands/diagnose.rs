@@ -10,9 +10,9 @@ use std::time::SystemTime;
 use anyhow::Context as _;
 use darm_arm::draw::page::SourceFile;
 use darm_diagnose::correction::Keep;
-use darm_diagnose::measurement::Finding;
 use darm_diagnose::outcome::{Diagnosis, Effect, ErrorFigure, Number};
 use darm_diagnose::report::numbers::{after, readable, with_interval};
+use darm_measure::Finding;
 use serde::Serialize;
 
 use crate::exchanged;
@@ -86,7 +86,7 @@ pub(super) struct Report {
 
 impl Diagnose {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
-        if let Some(fault) = darm_import::read::mat_fault(&self.data) {
+        if let Some(fault) = darm_measure::import::read::mat_fault(&self.data) {
             return Err(fault.into());
         }
         let Some(model) = &self.model else { return log::print(&self.data, &self.how, ui) };

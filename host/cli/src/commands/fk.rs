@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::subject::{PoseReport, Subject, SubjectArgs};
 use crate::ui::{Answer, Ui, columns, number};
-use darm_diagnose::measurement::csv_text::csv_line;
+use darm_measure::csv_text::csv_line;
 
 const EXAMPLES: &str = "\
 Examples:

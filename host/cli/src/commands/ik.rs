@@ -18,7 +18,7 @@ use crate::failure::Usage;
 use crate::number_text::numbers;
 use crate::output_file::{self, Syntax};
 use crate::ui::{Answer, Ui, columns, number};
-use darm_diagnose::measurement::csv_text::csv_line;
+use darm_measure::csv_text::csv_line;
 
 const EXAMPLES: &str = "\
 Examples:

@@ -5,15 +5,15 @@ mod listing;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use darm_diagnose::measurement::write_table;
-use darm_import::join::side_by_side;
-use darm_import::mapping::{Entry, Mapping};
-use darm_import::read::Dialect;
-use darm_import::summary::{Summary, summary};
-use darm_import::table::Table;
-use darm_import::time_stamp::Dates;
-use darm_import::unit::Unit;
-use darm_import::{Recording, map_file, proposal};
+use darm_measure::import::join::side_by_side;
+use darm_measure::import::mapping::{Entry, Mapping};
+use darm_measure::import::read::Dialect;
+use darm_measure::import::summary::{Summary, summary};
+use darm_measure::import::table::Table;
+use darm_measure::import::time_stamp::Dates;
+use darm_measure::import::unit::Unit;
+use darm_measure::import::{Recording, map_file, proposal};
+use darm_measure::write_table;
 use serde::Serialize;
 
 use crate::failure::Usage;
@@ -130,7 +130,7 @@ impl Import {
         };
         let mut recordings = Vec::new();
         for file in &self.files {
-            recordings.push(darm_import::read(file, dialect)?);
+            recordings.push(darm_measure::import::read(file, dialect)?);
         }
         let files = recordings.iter().map(summary).collect();
         let is_single_array = |file: &PathBuf| file.extension().is_some_and(|end| end == "npy");

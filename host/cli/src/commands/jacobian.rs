@@ -16,7 +16,7 @@ use super::subject::{Coordinate, FormerWrench, Posture, SubjectArgs, WrenchArgs,
 use crate::failure::Usage;
 use crate::number_text::numbers;
 use crate::ui::{Answer, Ui, columns, number};
-use darm_diagnose::measurement::csv_text::csv_line;
+use darm_measure::csv_text::csv_line;
 
 const EXAMPLES: &str = "\
 Examples:

@@ -13,7 +13,7 @@ use crate::failure::Usage;
 use crate::output_file::{self, Syntax};
 use crate::pages::density;
 use crate::ui::{Answer, Ui};
-use darm_diagnose::measurement::csv_text::csv_text;
+use darm_measure::csv_text::csv_text;
 
 const EXAMPLES: &str = "\
 Examples:

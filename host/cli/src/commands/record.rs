@@ -16,7 +16,7 @@ use darm_core::sequencer::Phase;
 use darm_core::table::Record as TableRecord;
 use darm_core::units::ShortDigest;
 use darm_device::client::Client;
-use darm_diagnose::measurement::{Finding, FindingKind, Run, Sample, check};
+use darm_measure::{Finding, FindingKind, Run, Sample, check};
 use serde::Serialize;
 
 use super::play::{End, ProgramMonitor};
@@ -25,7 +25,7 @@ use crate::port::{PortArgs, emulated_camera};
 use crate::ui::{Answer, Ui};
 use crate::{interrupt, output_file, port};
 use darm_arm::table_file::{TableFile, visits_file};
-use darm_diagnose::visits::Visits;
+use darm_measure::visits::Visits;
 use output::{Earlier, Output};
 use program::{LostConnection, Program};
 use recording::{Recording, clock_lines};

@@ -10,9 +10,9 @@ use darm_arm::plan::{Plan, Visit};
 use darm_arm::reach::board;
 use darm_arm::wired_arm::WiredArm;
 use darm_core::units::{DeviceId, Word};
-use darm_diagnose::measurement_plan;
-use darm_diagnose::visit_table::{MEASUREMENT_DWELL_S, PlannedVisit, VisitTable, default_dwell_s, measurement_visits};
-use darm_diagnose::visits::Visits;
+use darm_diagnose::measurement_plan::{self, measurement_visits};
+use darm_measure::visit_table::{MEASUREMENT_DWELL_S, PlannedVisit, VisitTable, default_dwell_s};
+use darm_measure::visits::Visits;
 use serde::Serialize;
 
 use super::servos::ServoArgs;

@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 
 use darm_arm::arm::{Arm, frames};
 use darm_diagnose::calibrate::{Next, Options, State, Task, look};
-use darm_diagnose::measurement::poses::{self, Which};
-use darm_diagnose::measurement::{Run, write_text};
 use darm_diagnose::progress::Progress;
 use darm_diagnose::truth::{Kind, Truth};
+use darm_measure::poses::{self, Which};
+use darm_measure::{Run, write_text};
 
 use super::Home;
 

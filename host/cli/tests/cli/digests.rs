@@ -62,7 +62,7 @@ fn recording(home: &Home, file: &str, header: &str) {
         table += &format!("{k},{:06b}000000,{x_m:.3},3.9,1\n", k % 64);
     }
     match file.ends_with(".mcap") {
-        true => std::fs::write(home.path(file), darm_diagnose::measurement::log::from_text(&table).unwrap()).unwrap(),
+        true => std::fs::write(home.path(file), darm_measure::log::from_text(&table).unwrap()).unwrap(),
         false => home.write(file, &table),
     }
 }

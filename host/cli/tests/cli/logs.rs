@@ -34,7 +34,7 @@ fn tables_logs_and_compressed_tables_give_the_same_overview() {
     let home = Home::new();
     let table = force("p_bar", 1.0);
     home.write("run.csv", &table);
-    std::fs::write(home.path("run.mcap"), darm_diagnose::measurement::log::from_text(&table).unwrap()).unwrap();
+    std::fs::write(home.path("run.mcap"), darm_measure::log::from_text(&table).unwrap()).unwrap();
     let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
     std::io::Write::write_all(&mut packed, table.as_bytes()).unwrap();
     std::fs::write(home.path("run.csv.gz"), packed.finish().unwrap()).unwrap();

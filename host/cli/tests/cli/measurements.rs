@@ -124,7 +124,7 @@ fn a_log_is_diagnosed_as_its_table_is() {
         (0..200).map(|k| format!("{:.1},{},{},{}\n", f64::from(k) * 0.1, k % 20, 2 + k % 3, 98 + k % 7)).collect();
     let table = format!("t_s,x_mm,p_bar,F_N\n{rows}");
     home.write("run.csv", &table);
-    std::fs::write(home.path("run.mcap"), darm_diagnose::measurement::log::from_text(&table).unwrap()).unwrap();
+    std::fs::write(home.path("run.mcap"), darm_measure::log::from_text(&table).unwrap()).unwrap();
     let [csv, log] =
         ["run.csv", "run.mcap"].map(|file| text(&home.darm(&format!("--json diagnose cylinder.toml {file}")).stdout));
     assert!(csv.len() > 1000);

@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::Duration;
 
-use darm_diagnose::measurement::mcap::Writer;
+use darm_measure::mcap::Writer;
 use serde_json::{Map, Value};
 
 use super::{Board, Home, example, text};
@@ -268,7 +268,7 @@ fn a_recording_names_the_table_and_the_profile_of_the_board() {
     first_row(&home, "run.csv");
     child.kill().unwrap();
     child.wait().unwrap();
-    let about = darm_diagnose::measurement::about(&home.path("run.csv")).unwrap();
+    let about = darm_measure::about(&home.path("run.csv")).unwrap();
     assert_eq!(
         [&about["table"], &about["profile"]].map(|value| value.as_str()),
         [table["digest"].as_str().unwrap(), table["profile"].as_str().unwrap()]

@@ -9,11 +9,11 @@ use darm_core::se::{Pose, rotation_exp, rotation_log};
 use darm_core::units::Word;
 
 use super::{Agreement, FEW, MIN_EXPLAINED, trimmed_root_mean_square};
-use crate::measurement::rigid_motion::{distances_after, nearest_rotation, robust_nearest_motion};
-use crate::measurement::{Run, median};
 use crate::misreading::{LabelStep, Misreading};
 use crate::outcome::{Number, OtherReading};
 use crate::prepare::thinning::one_of_each_part;
+use darm_measure::rigid_motion::{distances_after, nearest_rotation, robust_nearest_motion};
+use darm_measure::{Run, median};
 
 /// A model whose error is below this share of the motion belongs to its log.
 const NEAR: f64 = 0.03;

@@ -2,7 +2,7 @@
 
 use super::trimmed_root_mean_square;
 use crate::linearise::experiment::Experiment;
-use crate::measurement::{median, root_mean_square};
+use darm_measure::{median, root_mean_square};
 
 /// Least variation of what is predicted, as a share of that of the error, with which an error says that a model is wrong.
 const MIN_VARIATION: f64 = 0.25;

@@ -19,11 +19,11 @@ use rand_chacha::ChaCha8Rng;
 use super::rows::{Rows, Slopes, Thought};
 use super::{Found, Task};
 use crate::linearise::arm_candidates;
-use crate::measurement::Run;
 use crate::measurement_plan::optimal_design::informative_first;
 use crate::measurement_plan::order::rounds;
 use crate::measurement_plan::{AWAY, LIKELY, Step, drawn, held_out_and_training, servo_positions};
 use crate::prepare::observations::NoPose;
+use darm_measure::Run;
 
 /// Words that compete for the effects found, and of these for any effect: the latter has many more values.
 const COMPETING: usize = 4096;

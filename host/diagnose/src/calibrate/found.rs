@@ -9,12 +9,12 @@ use super::design::{any, values_of};
 use super::rows::{Rows, Thought};
 use crate::correction::{ArmCorrection, Outcome};
 use crate::judge::next_words::together;
-use crate::measurement::Run;
 use crate::measurement_plan::{LIKELY, Step};
 use crate::prepare::observations::{NoPose, Observations};
 use crate::select::robust_fit::{Fit, covariance, fit};
 use crate::select::significance::quantile_975;
 use crate::select::tool_pose::values;
+use darm_measure::Run;
 
 /// How many standard deviations wide 95 % of a normal distribution reaches to one side.
 const NORMAL_975: f64 = 1.959_964;

@@ -6,10 +6,10 @@ use darm_core::effect::Effect;
 use nalgebra::DMatrix;
 
 use crate::linearise::sensitivity::Sensitivity;
-use crate::measurement::{Run, root_mean_square};
 use crate::measurement_plan::{Step, as_run};
 use crate::prepare::observations::{NoPose, Observations};
 use darm_arm::arm::ArmModel;
+use darm_measure::{Run, root_mean_square};
 
 /// Time between what was measured and what might be, s.
 const GAP_S: f64 = 1.0;

@@ -10,10 +10,10 @@ use rand_chacha::ChaCha8Rng;
 
 use super::*;
 use crate::effect::Law;
-use crate::measurement::poses::{self, Which};
-use crate::measurement::table::Table;
-use crate::measurement::write_text;
 use crate::truth::{Kind, Truth};
+use darm_measure::poses::{self, Which};
+use darm_measure::table::Table;
+use darm_measure::write_text;
 
 fn arm() -> Arm {
     Arm::parse(Path::new("planar4.toml"), include_str!("../../../../examples/planar4.toml")).unwrap()

@@ -12,8 +12,8 @@ use rayon::prelude::{IntoParallelRefIterator as _, ParallelIterator as _};
 
 use crate::diagnosis::{SignalOptions, diagnose_table};
 use crate::linearise::model::{Model, What};
-use crate::measurement::table::{Names, Table};
 use crate::outcome::Verdict;
+use darm_measure::table::{Names, Table};
 
 const ROWS: u32 = 1200;
 const STEP_S: f64 = 0.05;

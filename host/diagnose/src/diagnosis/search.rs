@@ -12,8 +12,6 @@ use crate::linearise::model::Model;
 use crate::linearise::model_effects::ModelEffect;
 use crate::linearise::torque::Near;
 use crate::linearise::{columns, linearise_near};
-use crate::measurement::table::Table;
-use crate::measurement::{Finding, FindingKind};
 use crate::prepare::groups::Groups;
 use crate::prepare::signals::Prepared;
 use crate::progress::Stage;
@@ -23,6 +21,8 @@ use crate::select::forward::SelectionStep;
 use crate::select::problem::Trial;
 use crate::select::search;
 use crate::select::signals::Signals;
+use darm_measure::table::Table;
+use darm_measure::{Finding, FindingKind};
 
 /// Slopes and residuals from here on are no measurement.
 const LARGEST: f64 = 1e100;

@@ -10,7 +10,6 @@ use crate::correction::Keep;
 use crate::effect::Law;
 use crate::linearise::linearise;
 use crate::linearise::model::What;
-use crate::measurement::FindingKind;
 use crate::model_file::ModelFile;
 use crate::outcome::{ErrorFigure, Errors, RepeatedIn, Verdict};
 use crate::prepare::groups::Groups;
@@ -18,6 +17,7 @@ use crate::prepare::signals::Prepared;
 use crate::select::factored::{Factored, judged};
 use crate::select::problem::{Neighbours as _, RegressionProblem as _, Trial};
 use crate::select::signals::Signals;
+use darm_measure::FindingKind;
 
 fn options(hold_out: HoldOut, keep: Option<&str>, always: &[&str]) -> SignalOptions {
     let keep = keep.map(|text| text.parse().unwrap());

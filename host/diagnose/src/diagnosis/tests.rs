@@ -20,9 +20,9 @@ use rand_distr::{Distribution, StandardNormal};
 use super::*;
 use crate::correction::Keep;
 use crate::linearise::arm_candidates as candidate;
-use crate::measurement::Sample;
 use crate::measurement_plan::{self, plan};
 use crate::outcome::Verdict;
+use darm_measure::Sample;
 
 fn arm() -> Arm {
     Arm::parse(Path::new("planar4.toml"), include_str!("../../../../examples/planar4.toml")).unwrap()

@@ -3,8 +3,8 @@
 use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
 use crate::judge::selected::SelectedPoses;
-use crate::measurement::median;
 use crate::select::robust_fit::size;
+use darm_measure::median;
 
 /// Chance that any row of a run without outliers is called one.
 const OUTLIER_LEVEL: f64 = 0.01;

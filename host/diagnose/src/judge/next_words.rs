@@ -7,7 +7,6 @@ use crate::effect::Place;
 use crate::judge::selected::SelectedPoses;
 use crate::linearise::arm_candidates::{all, same};
 use crate::linearise::sensitivity::Sensitivity;
-use crate::measurement::Run;
 use crate::measurement_plan::optimal_design::informative_first;
 use crate::measurement_plan::{Step, as_run, candidates};
 use crate::outcome::{Alternative, NextMeasurement};
@@ -15,6 +14,7 @@ use crate::prepare::observations::{NoPose, Observations, Value};
 use crate::select::robust_fit::{condition_of, fit, normal, pseudo_inverse, weights};
 use crate::select::tool_pose::values;
 use darm_arm::arm::{Arm, ArmModel, ArmScratch, ZERO_CELSIUS};
+use darm_measure::Run;
 
 /// Explanations can be distinguished when the information about all their values together, each scaled to its own, has no
 /// larger condition number than this.

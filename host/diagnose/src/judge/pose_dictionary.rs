@@ -17,10 +17,10 @@ use darm_core::effect::fitted_term::Variable;
 use darm_core::units::Word;
 
 use crate::judge::regression::Term;
-use crate::measurement::Run;
 use crate::outcome::{Regressor, Shape};
 use crate::prepare::observations::{Observations, Row};
 use darm_arm::arm::{Arm, ArmScratch};
+use darm_measure::Run;
 
 /// Periods in a run.
 pub const WAVES: usize = 8;
@@ -171,7 +171,7 @@ fn memory(arm: &Arm, run: &Run, observations: &Observations) -> Vec<Term> {
 /// For each sample the word that stood before the one that it came from.
 fn second_last(run: &Run) -> Vec<Option<Word>> {
     let (mut last, mut before) = (None, None);
-    let follow = |sample: &crate::measurement::Sample| {
+    let follow = |sample: &darm_measure::Sample| {
         if let Some(previous) = sample.previous.filter(|previous| *previous != sample.word) {
             before = last.replace(previous);
         }

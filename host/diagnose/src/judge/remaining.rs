@@ -10,11 +10,11 @@ use std::f64::consts::TAU;
 
 use crate::judge::regression::{Design, Term, centred, of_axis, squares};
 use crate::linearise::experiment::{Axis, Experiment};
-use crate::measurement::median;
 use crate::outcome::{Dependence, Number, Regressor, Shape};
 use crate::select::problem::{RegressionProblem as _, Trial};
 use crate::select::signals::Signals;
 use crate::select::significance::STRUCTURE_LEVEL;
+use darm_measure::median;
 
 /// Signals up to which their products are tried.
 const FEW: usize = 6;

@@ -9,10 +9,10 @@ use std::collections::BTreeMap;
 use crate::judge::lack_of_fit::AxisLeft;
 use crate::judge::regression::of_axis;
 use crate::linearise::experiment::{Axis, Experiment};
-use crate::measurement::median;
 use crate::outcome::{AxisFigure, Number, Repeatability, RepeatedIn};
 use crate::prepare::repeatability::{MEDIAN_OF_NORMAL, MIN_DOF};
 use crate::prepare::resolution;
+use darm_measure::median;
 
 /// Channels that a condition may differ in.
 const NOT_A_CONDITION: [&str; 2] = ["time", "temperature"];

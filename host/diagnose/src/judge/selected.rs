@@ -5,12 +5,12 @@ use darm_core::effect::Effect;
 
 use crate::agreement::Agreement;
 use crate::linearise::experiment::Candidate;
-use crate::measurement::{Finding, Run};
 use crate::prepare::repeatability::Noise;
 use crate::select::forward::SelectionStep;
 use crate::select::problem::Trial;
 use crate::select::signals::Signals;
 use crate::select::tool_pose::ToolPoses;
+use darm_measure::{Finding, Run};
 
 /// A model of tool poses that was selected.
 #[derive(Clone, Copy)]

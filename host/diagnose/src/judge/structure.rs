@@ -11,10 +11,10 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use crate::judge::pose_dictionary::dictionary;
 use crate::judge::regression::{Design, Term, of_axis, squares};
 use crate::judge::selected::SelectedPoses;
-use crate::measurement::median;
 use crate::outcome::{Dependence, Structure, axis_name};
 use crate::select::robust_fit::{size, weights};
 use crate::select::significance::f_test;
+use darm_measure::median;
 
 /// Terms that are listed at most.
 const MAX_TERMS: usize = 4;

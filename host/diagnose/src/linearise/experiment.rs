@@ -5,9 +5,9 @@ use darm_robot::robot::RobotJoint;
 
 use crate::effect::{Law, Place, Site};
 use crate::measured::Measured;
-use crate::measurement::Finding;
 use crate::prepare::groups::Row;
 use crate::prepare::signals::Prepared;
+use darm_measure::Finding;
 
 /// What one axis of a residual is.
 #[derive(Clone, Debug, PartialEq)]

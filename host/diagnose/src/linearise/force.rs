@@ -5,9 +5,9 @@ use crate::linearise::experiment::{Axis, Candidate, Experiment};
 use crate::linearise::laws::Coordinate;
 use crate::linearise::model_effects::ModelEffect;
 use crate::measured::Measured;
-use crate::measurement::ReadError;
-use crate::measurement::demean;
 use crate::prepare::signals::Prepared;
+use darm_measure::ReadError;
+use darm_measure::demean;
 
 /// The experiment of one actuator with this bore, m.
 pub(crate) fn experiment(data: &Prepared, bore_m: f64, known: &[ModelEffect]) -> Result<Experiment, ReadError> {

@@ -33,8 +33,8 @@ use darm_core::effect::basis::{CoordinateSample, Law, Memory, Per};
 use crate::effect::Site;
 use crate::linearise::experiment::{Candidate, Value};
 use crate::linearise::model_effects::ModelEffect;
-use crate::measurement::root_mean_square;
-use crate::measurement::signal::rate;
+use darm_measure::root_mean_square;
+use darm_measure::signal::rate;
 
 /// v₀ over the root mean square of v: from a friction that reverses at once, between two rows, to one that hardly does.
 const CREEP: [f64; 5] = [0.003, 0.0125, 0.05, 0.2, 0.5];

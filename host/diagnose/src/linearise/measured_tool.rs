@@ -19,9 +19,9 @@ use crate::effect::{Law, Place, Site};
 use crate::linearise::experiment::{Axis, Candidate, Columns, Curvature, Experiment, Moving, Value};
 use crate::linearise::serial_chain::{self, FrameChain, SerialChain};
 use crate::measured::Measured;
-use crate::measurement::rigid_motion::{nearest_motion, nearest_rotation};
-use crate::measurement::trimmed_root_mean_square;
 use crate::prepare::signals::{PrepareError, Prepared};
+use darm_measure::rigid_motion::{nearest_motion, nearest_rotation};
+use darm_measure::trimmed_root_mean_square;
 use darm_robot::robot::Robot;
 
 /// Columns of the tool's position.

@@ -12,8 +12,8 @@ use darm_core::real::Vec3;
 use crate::linearise::experiment::{Axis, Curvature, Experiment};
 use crate::linearise::serial_chain::{FrameChain, PER_JOINT, SerialChain};
 use crate::measured::Measured;
-use crate::measurement::{Finding, FindingKind, root_mean_square};
 use crate::prepare::signals::{PrepareError, Prepared};
+use darm_measure::{Finding, FindingKind, root_mean_square};
 use darm_robot::robot::Robot;
 
 /// Every row of a pair repeats the distance of its two points. These are means of n rows each with a noise σ along the way

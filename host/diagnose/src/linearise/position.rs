@@ -5,9 +5,9 @@ use crate::linearise::experiment::{Axis, Candidate, Experiment};
 use crate::linearise::laws::{Coordinate, range};
 use crate::linearise::model_effects::ModelEffect;
 use crate::measured::Measured;
-use crate::measurement::ReadError;
-use crate::measurement::demean;
 use crate::prepare::signals::Prepared;
+use darm_measure::ReadError;
+use darm_measure::demean;
 
 /// The experiment of one joint; a load (any unit) and a temperature are used where they were measured.
 pub(crate) fn experiment(data: &Prepared, known: &[ModelEffect]) -> Result<Experiment, ReadError> {

@@ -7,8 +7,8 @@
 use std::f64::consts::TAU;
 
 use crate::linearise::laws::{Coordinate, range};
-use crate::measurement::{median, root_mean_square};
 use crate::prepare::repeatability::MEDIAN_OF_NORMAL;
+use darm_measure::{median, root_mean_square};
 
 /// Steps of the periodogram for one period more in the range of the position.
 const STEPS: f64 = 8.0;

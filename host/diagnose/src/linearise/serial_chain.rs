@@ -19,8 +19,8 @@ use darm_core::se::{Pose, Twist, rotation_exp, rotation_jacobian};
 
 use crate::effect::{Law, Place, Site};
 use crate::linearise::experiment::{Candidate, Value};
-use crate::measurement::{Finding, FindingKind};
 use crate::prepare::signals::{PrepareError, Prepared};
+use darm_measure::{Finding, FindingKind};
 use darm_robot::robot::{Robot, RobotFrame};
 
 /// How far each kind of value may be off before anything is measured; that of twice the angle is an order of the disc's error

@@ -23,9 +23,9 @@ use crate::linearise::model_effects::{self, ModelEffect};
 use crate::linearise::ripple::periods_a_turn;
 use crate::linearise::serial_chain::site_of_joint;
 use crate::measured::Measured;
-use crate::measurement::{Finding, FindingKind};
 use crate::prepare::groups::Row;
 use crate::prepare::signals::{PrepareError, Prepared};
+use darm_measure::{Finding, FindingKind};
 use darm_robot::rigid_body::regressor::{BodyMotion, joint_regressor, link_motions, wrench_regressor};
 use darm_robot::robot::{Robot, RobotJoint};
 

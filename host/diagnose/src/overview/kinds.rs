@@ -6,9 +6,9 @@ use super::Repeats;
 use super::meaning::{is_named_joint, numbered};
 use crate::error::MIN_WORDS;
 use crate::measured::Measured;
-use crate::measurement::column::Column;
-use crate::measurement::table::Table;
 use crate::prepare::repeatability::MIN_DOF;
+use darm_measure::column::Column;
+use darm_measure::table::Table;
 
 /// Columns that are no condition of a measurement.
 const NO_CONDITION: [&str; 6] = ["time", "temperature", "held_out", "run", "visit", "fresh"];

@@ -1,7 +1,7 @@
 //! What a column is taken for, by its name.
 
-use crate::measurement::column::Column;
-use crate::measurement::table::Table;
+use darm_measure::column::Column;
+use darm_measure::table::Table;
 
 /// Joints whose quantities are listed.
 const MAX_JOINTS: usize = 12;

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-use crate::measurement::table::Table;
+use darm_measure::table::Table;
 
 /// How the columns of a table are read.
 #[derive(Clone, Debug, Default, PartialEq)]

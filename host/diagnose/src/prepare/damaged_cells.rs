@@ -6,10 +6,10 @@
 
 use std::f64::consts::{PI, TAU};
 
-use crate::measurement::column::Column;
-use crate::measurement::signal::unwrapped;
-use crate::measurement::table::Table;
-use crate::measurement::{Finding, FindingKind};
+use darm_measure::column::Column;
+use darm_measure::signal::unwrapped;
+use darm_measure::table::Table;
+use darm_measure::{Finding, FindingKind};
 
 /// Rows from which on a column shows what is usual in it.
 const MIN_ROWS: usize = 50;

@@ -1,6 +1,6 @@
 //! Why a table gives no experiment.
 
-use crate::measurement::{ReadError, SelectError};
+use darm_measure::{ReadError, SelectError};
 
 /// Why a table gives no experiment.
 #[derive(Debug, thiserror::Error)]

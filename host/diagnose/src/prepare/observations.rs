@@ -11,9 +11,9 @@ use darm_core::real::Vec3;
 use darm_core::se::Pose;
 use darm_core::units::Word;
 
-use crate::measurement::rigid_motion::robust_nearest_motion;
-use crate::measurement::{Run, Sample, median};
 use darm_arm::arm::{Arm, ArmModel, ArmScratch, ZERO_CELSIUS};
+use darm_measure::rigid_motion::robust_nearest_motion;
+use darm_measure::{Run, Sample, median};
 
 /// Components of a twist that a planar arm moves along.
 const PLANAR: [usize; 3] = [2, 3, 4];
@@ -308,7 +308,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::measurement::poses::{self, Which};
+    use darm_measure::poses::{self, Which};
 
     fn row(visit: u32, previous: &str, word: &str) -> String {
         format!("{}.0,{visit},{word},{previous},0.1,0.2,3\n", 4 * visit)

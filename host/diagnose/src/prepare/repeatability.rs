@@ -7,10 +7,10 @@
 use darm_core::se::Pose;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use crate::measurement::{Run, Sample, median};
 use crate::prepare::observations::{Observations, axes};
 use crate::prepare::resolution::Resolution;
 use darm_arm::arm::Arm;
+use darm_measure::{Run, Sample, median};
 
 /// The median of |x| of a normal x, in units of its standard deviation.
 pub(crate) const MEDIAN_OF_NORMAL: f64 = 0.674_489_75;

@@ -2,7 +2,7 @@
 
 use darm_core::se::{Pose, rotation_log};
 
-use crate::measurement::Sample;
+use darm_measure::Sample;
 
 /// Numbers are rounded where they are multiples of a step within this share of it.
 const EXACT: f64 = 1e-4;

@@ -11,9 +11,9 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-use crate::measurement::even_grid::through;
-use crate::measurement::median;
-use crate::measurement::signal::stretches;
+use darm_measure::even_grid::through;
+use darm_measure::median;
+use darm_measure::signal::stretches;
 
 /// Stamps off an even clock by more than this share of a period (root mean square) are no jitter of that clock, unless they
 /// are rounded as coarsely.

@@ -3,12 +3,6 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use crate::measurement::even_grid::EvenGrid;
-use crate::measurement::hold_out::{HeldOut, HoldOut};
-use crate::measurement::select::Selection;
-use crate::measurement::signal::{LowPass, interpolated, stretches, unwrapped};
-use crate::measurement::table::Table;
-use crate::measurement::{Finding, FindingKind, ReadError, demean};
 use crate::prepare::column_reading::ColumnReading;
 use crate::prepare::damaged_cells;
 pub use crate::prepare::error::PrepareError;
@@ -17,6 +11,12 @@ use crate::prepare::sampling::{self, Sampling};
 use crate::prepare::table_findings::{check_times, constant, first_not_a_number, leave_out_gaps, units};
 use crate::prepare::thinning::one_of_each_part;
 use crate::prepare::turns;
+use darm_measure::even_grid::EvenGrid;
+use darm_measure::hold_out::{HeldOut, HoldOut};
+use darm_measure::select::Selection;
+use darm_measure::signal::{LowPass, interpolated, stretches, unwrapped};
+use darm_measure::table::Table;
+use darm_measure::{Finding, FindingKind, ReadError, demean};
 
 /// Rows up to which all are looked at where nothing is said.
 const MAX_ROWS: usize = 10_000;
@@ -284,7 +284,7 @@ impl Prepared {
     ///
     /// # Errors
     ///
-    /// [`SelectError::NoColumn`](crate::measurement::SelectError::NoColumn): no column has this name.
+    /// [`SelectError::NoColumn`](darm_measure::SelectError::NoColumn): no column has this name.
     pub fn words(&self, name: &str) -> Result<Vec<&str>, PrepareError> {
         let column = self.all.table.chosen(name)?;
         Ok(self.kept.iter().map(|&row| column.words[row].as_str()).collect())

@@ -2,10 +2,10 @@
 
 use serde::Serialize;
 
-use crate::measurement::column::Column;
-use crate::measurement::table::Table;
-use crate::measurement::{Finding, FindingKind, median};
 use crate::prepare::error::PrepareError;
+use darm_measure::column::Column;
+use darm_measure::table::Table;
+use darm_measure::{Finding, FindingKind, median};
 
 /// A joint or tool that turns farther, rad, is taken for one in degrees; joints that never turn so far, deg, for ones in radians;
 /// a position, m, farther away for one in millimetres (of a tool whose words were logged, which arms of 10 m reach, much

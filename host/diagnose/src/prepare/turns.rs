@@ -2,9 +2,9 @@
 
 use std::f64::consts::{PI, TAU};
 
-use crate::measurement::signal::{stretches, unwrapped};
-use crate::measurement::table::Table;
-use crate::measurement::{Finding, FindingKind, median};
+use darm_measure::signal::{stretches, unwrapped};
+use darm_measure::table::Table;
+use darm_measure::{Finding, FindingKind, median};
 
 /// Orientations, which jump by themselves and are compared as rotations.
 const ORIENTATIONS: [&str; 4] = ["angle", "rx", "ry", "rz"];

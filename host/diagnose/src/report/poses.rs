@@ -2,7 +2,6 @@
 
 use crate::judge::far_rows::far_rows;
 use crate::judge::selected::SelectedPoses;
-use crate::measurement::{root_mean_square, without_farthest};
 use crate::outcome::{
     AxisFigure, BeforeAfter, ErrorFigure, Errors, Measured, Number, Outlier, Point, Rows, SelectionStep, Visit,
 };
@@ -12,6 +11,7 @@ use crate::report::Summary;
 use crate::select::robust_fit::condition;
 use crate::select::tool_pose::ToolPoses;
 use darm_arm::arm::{Arm, ArmModel, ArmScratch};
+use darm_measure::{root_mean_square, without_farthest};
 
 /// What a report shows of the rows.
 pub(crate) fn summary(

@@ -13,10 +13,10 @@ use super::significance::{Levels, LossReduction, RIVAL_LEVEL, clustered_t_test};
 use crate::effect::Place;
 use crate::linearise::arm_candidates::{self, beginning};
 use crate::linearise::sensitivity::Sensitivity;
-use crate::measurement::root_mean_square;
 use crate::prepare::observations::{NoPose, Observations, Value};
 use crate::progress::Progress;
 use darm_arm::arm::{ArmModel, ArmScratch};
+use darm_measure::root_mean_square;
 
 /// A fall expected to be less than this many standard errors may not be seen on the rows held out.
 const ERRORS_TO_SHOW: f64 = 4.0;

@@ -5,7 +5,6 @@ use darm_core::se::Pose;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::measurement::Run;
 use crate::measurement_plan::Step;
 use crate::truth::Body;
 use crate::truth::Kind;
@@ -16,6 +15,7 @@ use crate::truth::Truth;
 use crate::truth::TruthError;
 use crate::truth::scatter_m;
 use darm_arm::arm::Arm;
+use darm_measure::Run;
 
 /// Error that each effect makes by itself over the run, in units of the camera's scatter.
 const TIMES_SCATTER: std::ops::Range<f64> = 8.0..32.0;

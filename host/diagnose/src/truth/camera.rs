@@ -8,7 +8,6 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use crate::measurement::{Run, Sample};
 use crate::measurement_plan::{Step, arrivals};
 use crate::truth::CAMERA_M;
 use crate::truth::CAMERA_RAD;
@@ -17,6 +16,7 @@ use crate::truth::Observed;
 use crate::truth::TrueState;
 use crate::truth::Truth;
 use darm_arm::arm::ZERO_CELSIUS;
+use darm_measure::{Run, Sample};
 
 /// Time that one step takes in a [`Truth::measure`]d measurement plan; a repeat takes a third of it.
 const STEP_S: f64 = 0.3;

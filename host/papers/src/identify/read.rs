@@ -17,9 +17,9 @@ use darm_core::se::Wrench;
 use super::equations::{Rows, WRENCH_COMPONENTS};
 use super::{Contact, Kind, Sample};
 use darm_diagnose::linearise::wrench;
-use darm_diagnose::measurement::ReadError;
-use darm_diagnose::measurement::table::{Names, Table};
 use darm_diagnose::prepare::signals::{Preparation, PrepareError, Prepared};
+use darm_measure::ReadError;
+use darm_measure::table::{Names, Table};
 use darm_robot::rigid_body::regressor::BodyMotion;
 use darm_robot::robot::Robot;
 

@@ -15,8 +15,8 @@ use std::path::Path;
 
 use darm_core::real::Vec3;
 
-use darm_diagnose::measurement::ReadError;
-use darm_diagnose::measurement::table::{Names, Table};
+use darm_measure::ReadError;
+use darm_measure::table::{Names, Table};
 
 /// A gap longer than this share of the frames cannot be bridged by the other frames.
 const LONGEST_GAP: f64 = 0.5;

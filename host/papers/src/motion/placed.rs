@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, Matrix3xX, Matrix6xX, SVector};
 
 use super::smooth::Smooth;
 use super::{BodyPoint, Posture};
-use darm_diagnose::measurement::signal::rate;
+use darm_measure::signal::rate;
 use darm_robot::rigid_body::regressor::{BodyMotion, link_motions, wrench_regressor};
 use darm_robot::robot::Robot;
 use darm_robot::tree::spatial::{Motion, six};

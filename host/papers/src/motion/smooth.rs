@@ -1,6 +1,6 @@
 //! The zero-phase low-pass along one motion.
 
-use darm_diagnose::measurement::signal::{LowPass, rate_hz};
+use darm_measure::signal::{LowPass, rate_hz};
 
 /// A low-pass for channels of one time axis; what is too fast for the rate passes as it is.
 pub(super) struct Smooth {

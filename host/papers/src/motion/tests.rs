@@ -18,7 +18,7 @@ use super::person::{Person, person};
 use super::placed::Placed;
 use super::setup::{Setup, SetupError};
 use super::{BodyPoint, Capture, CaptureError, LiftOffBy, Polygon, Posture, feed_forward};
-use darm_diagnose::measurement::table::{Names, Table};
+use darm_measure::table::{Names, Table};
 use darm_robot::robot::Robot;
 use darm_robot::urdf::{Locks, parse};
 

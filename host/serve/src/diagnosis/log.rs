@@ -6,16 +6,16 @@
 use std::path::{Path, PathBuf};
 
 use darm_diagnose::error::DiagnoseError;
-use darm_diagnose::measurement::origin::Origin;
-use darm_diagnose::measurement::poses::{self, Which};
-use darm_diagnose::measurement::table::{Names, Table};
-use darm_diagnose::measurement::{self, Finding, FindingKind, ReadError, about};
 use darm_diagnose::overview::{self, Overview, Possible};
 use darm_diagnose::prepare::signals::Preparation;
-use darm_import::mapping::{Entry, Mapping, Scale};
-use darm_import::read::Dialect;
-use darm_import::unit::{self, Unit};
-use darm_import::{ImportError, Recording, proposal, table};
+use darm_measure::import::mapping::{Entry, Mapping, Scale};
+use darm_measure::import::read::Dialect;
+use darm_measure::import::unit::{self, Unit};
+use darm_measure::import::{ImportError, Recording, proposal, table};
+use darm_measure::origin::Origin;
+use darm_measure::poses::{self, Which};
+use darm_measure::table::{Names, Table};
+use darm_measure::{Finding, FindingKind, ReadError, about};
 use darm_robot::files::{FileRef, Files};
 use serde::Serialize;
 
@@ -151,7 +151,7 @@ fn is_of_rows(finding: &&Finding) -> bool {
 
 /// The file that is diagnosed, with its columns read as `given`.
 pub(super) fn readable(data: &FileRef<'_>, given: &[ReadAs]) -> Result<Readable, LogFault> {
-    if let Some(fault) = darm_import::read::mat_fault(data) {
+    if let Some(fault) = darm_measure::import::read::mat_fault(data) {
         return Err(fault.into());
     }
     if given.is_empty() {
@@ -183,7 +183,7 @@ impl Reader {
         let own = Table::read(data, &Names::new()).map(|(table, _)| table);
         match own {
             Ok(table) if is_own(data) => Ok(Self::Own(Box::new(table))),
-            own => match (darm_import::read(data, Dialect::default()), own) {
+            own => match (darm_measure::import::read(data, Dialect::default()), own) {
                 (Ok(recording), _) => Ok(Self::Import(Box::new(recording))),
                 (Err(_), Ok(table)) => Ok(Self::Own(Box::new(table))),
                 (Err(error), Err(_)) => Err(error.into()),
@@ -200,7 +200,7 @@ impl Reader {
 
     fn units(&self) -> Vec<&'static str> {
         match self {
-            Self::Own(_) => measurement::units().collect(),
+            Self::Own(_) => darm_measure::units().collect(),
             Self::Import(_) => Unit::names().collect(),
         }
     }
@@ -209,7 +209,7 @@ impl Reader {
     fn proposed(&self) -> Vec<ReadAs> {
         match self {
             Self::Own(table) => {
-                let read_as = |column: &measurement::Column| {
+                let read_as = |column: &darm_measure::Column| {
                     let (quantity, unit) = (column.quantity.clone(), column.file_unit().to_lowercase());
                     ReadAs { column: column.name.clone(), quantity, unit }
                 };
@@ -320,7 +320,7 @@ fn proposed_by(entry: &Entry, mapping: &Mapping, recording: &Recording) -> ReadA
     };
     let quantity = target.map_or(entry.target.as_str(), |_| unit::split(&entry.target).0);
     // A text keeps its name.
-    let unit = unit.filter(|_| column.is_some_and(darm_import::Column::is_numeric) && target.is_some());
+    let unit = unit.filter(|_| column.is_some_and(darm_measure::import::Column::is_numeric) && target.is_some());
     ReadAs {
         column: entry.source.clone(),
         quantity: quantity.to_lowercase(),
@@ -344,7 +344,7 @@ fn entry(read_as: &ReadAs) -> Result<Entry, LogFault> {
 }
 
 /// Whether a column of ours is read as its name says.
-fn is_own_name(read_as: &ReadAs, own: &measurement::Column) -> bool {
+fn is_own_name(read_as: &ReadAs, own: &darm_measure::Column) -> bool {
     read_as.quantity == own.quantity && read_as.unit == own.file_unit().to_lowercase()
 }
 

@@ -6,8 +6,8 @@ use std::path::Path;
 use darm_diagnose::diagnosis::SignalOptions;
 use darm_diagnose::error::{DiagnoseError, sentence};
 use darm_diagnose::files::{FileDiagnosis, FileOptions, Files, FilesError, Subject};
-use darm_diagnose::measurement::ReadError;
 use darm_diagnose::progress::Progress;
+use darm_measure::ReadError;
 
 use super::{log, models};
 use crate::hub::Hub;

@@ -5,8 +5,8 @@ use darm_arm::board_profile::BoardProfile;
 use darm_arm::plan::Visit;
 use darm_arm::table_file;
 use darm_core::units::Word;
-use darm_diagnose::measurement_plan;
-use darm_diagnose::visit_table::{MEASUREMENT_DWELL_S, PlannedVisit, VisitTable, default_dwell_s, measurement_visits};
+use darm_diagnose::measurement_plan::{self, measurement_visits};
+use darm_measure::visit_table::{MEASUREMENT_DWELL_S, PlannedVisit, VisitTable, default_dwell_s};
 use serde::{Deserialize, Serialize};
 
 use crate::program::{Origin, Program};

@@ -1,9 +1,9 @@
 //! A finished diagnosis as pages show it.
 
 use darm_diagnose::files::FileDiagnosis;
-use darm_diagnose::measurement::Finding;
 use darm_diagnose::outcome::{Diagnosis, Verdict};
 use darm_diagnose::report::tables::{sampling_table, tables_and_plots};
+use darm_measure::Finding;
 use maud::{Markup, html};
 use serde::Serialize;
 

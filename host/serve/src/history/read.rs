@@ -5,7 +5,7 @@ use rusqlite::{OptionalExtension as _, Params, Row, params};
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
-use darm_diagnose::measurement::csv_text::csv_text;
+use darm_measure::csv_text::csv_text;
 
 use super::{History, HistoryError};
 

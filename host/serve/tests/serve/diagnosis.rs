@@ -76,7 +76,7 @@ fn the_next_table_is_of_the_corrected_model(bench: &Bench, result: &Value, arm: 
     let table = request(bench.address(), "GET", "/api/program/table", &[], b"").body;
     let table = darm_arm::table_file::TableFile::parse(Path::new("plan.darm"), &table).unwrap();
     assert_eq!(table.digest().to_string(), made["digest"].as_str().unwrap());
-    let visits = darm_diagnose::visits::Visits::read(&path).unwrap();
+    let visits = darm_measure::visits::Visits::read(&path).unwrap();
     assert_eq!((visits.model, visits.table.to_string().as_str()), (arm.hash(), made["digest"].as_str().unwrap()));
     assert_eq!(visits.rests.len() as u64, made["n_visits"].as_u64().unwrap());
 }

@@ -9,9 +9,9 @@ use darm_arm::table_file::TableFile;
 use darm_arm::wired_arm::WiredArm;
 use darm_device::client::Client;
 use darm_diagnose::calibrate::Station;
-use darm_diagnose::measurement::Sample;
 use darm_diagnose::measurement_plan::Step;
-use darm_diagnose::visit_table::{PlannedVisit, VisitTable};
+use darm_measure::Sample;
+use darm_measure::visit_table::{PlannedVisit, VisitTable};
 
 use super::CalibrateError;
 use super::folder::Folder;

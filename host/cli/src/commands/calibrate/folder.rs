@@ -9,10 +9,10 @@ use darm_arm::board_profile::BoardProfile;
 use darm_arm::plan::Visit;
 use darm_arm::table_file::{self, visits_file};
 use darm_diagnose::calibrate::Options;
-use darm_diagnose::measurement::poses::{self, Which};
-use darm_diagnose::measurement::{Run, Sample, write_text};
 use darm_diagnose::outcome::Diagnosis;
-use darm_diagnose::visit_table::{PlannedVisit, VisitTable};
+use darm_measure::poses::{self, Which};
+use darm_measure::visit_table::{PlannedVisit, VisitTable};
+use darm_measure::{Run, Sample, write_text};
 use serde::{Deserialize, Serialize};
 
 use super::CalibrateError;

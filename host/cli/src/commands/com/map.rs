@@ -18,7 +18,7 @@ use crate::exchanged;
 use crate::failure::in_table;
 use crate::output_file::{self, Syntax};
 use crate::ui::{Answer, Ui, number};
-use darm_diagnose::measurement::csv_text::csv_text;
+use darm_measure::csv_text::csv_text;
 
 const EXAMPLES: &str = "\
 Examples:

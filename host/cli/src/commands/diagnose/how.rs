@@ -9,10 +9,10 @@ use darm_diagnose::correction::Keep;
 use darm_diagnose::diagnosis::SignalOptions;
 use darm_diagnose::error::DiagnoseError;
 use darm_diagnose::files::{FileOptions, Files, Subject};
-use darm_diagnose::measurement::Finding;
 use darm_diagnose::outcome::Diagnosis;
 use darm_diagnose::overview::{self, Overview};
 use darm_diagnose::rejection::Rejection;
+use darm_measure::Finding;
 
 use super::super::subject::Part;
 use super::rows::RowOptions;

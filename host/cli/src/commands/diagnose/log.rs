@@ -4,9 +4,9 @@ use std::path::Path;
 
 use darm_diagnose::error::DiagnoseError;
 use darm_diagnose::files::FilesError;
-use darm_diagnose::measurement::ReadError;
 use darm_diagnose::overview::{ColumnOverview, Overview, Possible, SamplingOverview};
-use darm_import::read::Dialect;
+use darm_measure::ReadError;
+use darm_measure::import::read::Dialect;
 use serde::Serialize;
 
 use super::how::How;
@@ -64,7 +64,7 @@ pub(super) fn with_conversion(model: &Path, data: &Path, error: anyhow::Error) -
 /// The line that converts a recording of another program, and what comes after it; `None` of a table as ours, whose names the error
 /// is about.
 fn conversion(data: &Path, model: Option<&Path>) -> Option<String> {
-    let recording = darm_import::read(data, Dialect::default()).ok()?;
+    let recording = darm_measure::import::read(data, Dialect::default()).ok()?;
     let is_as_ours =
         recording.notes.is_empty() && recording.parts.iter().all(|part| part.kind == "table, separated by commas");
     let shown = |path: &Path| quoted(&path.display().to_string());

@@ -1,11 +1,11 @@
 //! Which rows of a log a diagnosis uses, and how: options that other commands share.
 
 use darm_diagnose::diagnosis::SignalOptions;
-use darm_diagnose::measurement::hold_out::HoldOut;
-use darm_diagnose::measurement::select::Selection;
-use darm_diagnose::measurement::table::Names;
 use darm_diagnose::prepare::signals::Preparation;
 use darm_diagnose::rejection::Rejection;
+use darm_measure::hold_out::HoldOut;
+use darm_measure::select::Selection;
+use darm_measure::table::Names;
 
 use crate::failure::Usage;
 

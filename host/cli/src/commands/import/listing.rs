@@ -1,6 +1,6 @@
 //! A recording for people: its parts and columns.
 
-use darm_import::summary::{ColumnSummary, PartSummary, Summary};
+use darm_measure::import::summary::{ColumnSummary, PartSummary, Summary};
 
 use crate::ui::{columns, six_digits};
 

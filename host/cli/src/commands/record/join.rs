@@ -2,10 +2,10 @@
 
 use darm_core::real::Vec3;
 use darm_core::se::{Pose, Twist};
-use darm_diagnose::measurement::Sample;
+use darm_measure::Sample;
 
 use crate::commands::camera::{BAR, Picture};
-use darm_diagnose::visits::Rest;
+use darm_measure::visits::Rest;
 
 /// Time span in which the arm certainly rested at a visit, on the camera's clock.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,7 +70,7 @@ mod tests {
 
     use super::{Span, join};
     use crate::commands::camera::Picture;
-    use darm_diagnose::visits::Rest;
+    use darm_measure::visits::Rest;
 
     fn rest(from_s: f64, to_s: f64) -> Rest {
         let word = "01".parse().unwrap();

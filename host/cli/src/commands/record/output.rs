@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use darm_core::units::Digest;
-use darm_diagnose::measurement::poses::{self, Which};
-use darm_diagnose::measurement::{ReadError, Run, Sample, Stream, about};
+use darm_measure::poses::{self, Which};
+use darm_measure::{ReadError, Run, Sample, Stream, about};
 
 use super::RecordError;
 use darm_arm::table_file::digest;

@@ -7,7 +7,7 @@ use darm_core::sequencer::Event;
 use darm_device::client::stop::Confirmation;
 use darm_device::client::{Client, TimedEvent};
 use darm_device::strokes::{SentRow, stroke_times};
-use darm_diagnose::measurement::Sample;
+use darm_measure::Sample;
 
 use super::join::{Span, join};
 use super::output::Output;
@@ -18,7 +18,7 @@ use crate::commands::camera::{unix_less_host_s, unix_now_s};
 use crate::commands::play::End;
 use crate::commands::status::seconds;
 use crate::failure::LostCamera;
-use darm_diagnose::visits::Visits;
+use darm_measure::visits::Visits;
 
 /// A running recording.
 pub(crate) struct Recording<'a> {

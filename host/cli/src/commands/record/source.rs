@@ -10,8 +10,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use darm_diagnose::measurement::log::{self, LogError};
-use darm_diagnose::measurement::mcap::McapError;
+use darm_measure::log::{self, LogError};
+use darm_measure::mcap::McapError;
 
 use crate::commands::camera::{Columns, LineError, Picture, unix_now_s};
 

@@ -7,7 +7,7 @@ use darm_device::clock::BoardClock;
 use super::join::Span;
 use crate::commands::camera::unix_less_host_s;
 use crate::commands::status::seconds;
-use darm_diagnose::visits::Visits;
+use darm_measure::visits::Visits;
 
 /// Time after a visit until the round trips that bound its end have been made.
 const ROUND_TRIP_DELAY_S: f64 = 1.0;
@@ -79,7 +79,7 @@ mod tests {
     use darm_device::clock::{BoardClock, RoundTrip};
 
     use super::VisitTracker;
-    use darm_diagnose::visits::{Rest, Visits};
+    use darm_measure::visits::{Rest, Visits};
 
     fn rest(from_s: f64, to_s: f64) -> Rest {
         let word = "01".parse().unwrap();

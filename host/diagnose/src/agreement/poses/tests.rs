@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use super::*;
-use crate::measurement::Sample;
 use darm_core::se::Twist;
+use darm_measure::Sample;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 

@@ -10,9 +10,9 @@ use super::*;
 use crate::diagnosis::{SignalOptions, diagnose_table};
 use crate::linearise::faulty_robot_cases::{Fault, Faulty, JOINTS, cases, named, normal, panda};
 use crate::linearise::model::{Model, What};
-use crate::measurement::table::{Names, Table};
 use crate::misreading::Misreading;
 use crate::outcome::Verdict;
+use darm_measure::table::{Names, Table};
 
 const POSTURES: usize = 150;
 const NOISE_M: f64 = 1e-4;

@@ -11,7 +11,7 @@ use super::*;
 use crate::diagnosis::{SignalOptions, diagnose_table};
 use crate::linearise::faulty_robot_cases::{Fault, Faulty, JOINTS, cases, named, normal, panda};
 use crate::linearise::model::{Model, What};
-use crate::measurement::table::{Names, Table};
+use darm_measure::table::{Names, Table};
 
 /// Pairs of points, this far apart, m.
 const PAIRS: usize = 4;

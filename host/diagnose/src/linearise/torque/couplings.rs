@@ -9,8 +9,8 @@ use crate::effect::{Place, Site};
 use crate::linearise::experiment::Candidate;
 use crate::linearise::laws::Coordinate;
 use crate::linearise::model_effects::ModelEffect;
-use crate::measurement::signal::rate;
 use crate::prepare::groups::Row;
+use darm_measure::signal::rate;
 
 /// When the rows were, and how they hang together.
 pub(super) struct Clock {

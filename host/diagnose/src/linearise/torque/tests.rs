@@ -16,9 +16,9 @@ use crate::linearise::experiment::Candidate;
 use crate::linearise::model::{Model, What};
 use crate::linearise::model_effects::ModelEffect;
 use crate::linearise::serial_chain::site_of_joint;
-use crate::measurement::table::{Names, Table};
 use crate::outcome::{Diagnosis, Verdict};
 use crate::prepare::signals::{Preparation, Prepared};
+use darm_measure::table::{Names, Table};
 
 const JOINTS: usize = 4;
 const ROWS: u32 = 240;
