@@ -7,7 +7,7 @@ use super::table::Table;
 /// Conditions, the units in which they are read, and how the names of columns in them end, the usual one first.
 const CONDITIONS: [(&str, &[&str], &[&str]); 3] = [
     ("supply", &["Pa"], &["bar", "kpa", "pa"]),
-    ("temperature", &["°C", "K"], &["c", "k"]),
+    ("temperature", &["°C"], &["c", "k"]),
     ("load", &["kg"], &["kg", "g"]),
 ];
 

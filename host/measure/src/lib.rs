@@ -54,6 +54,7 @@ pub mod select;
 pub mod signal;
 mod stream;
 pub mod table;
+pub mod unit;
 pub mod visit_table;
 pub mod visits;
 
@@ -62,7 +63,7 @@ use darm_core::se::Pose;
 use darm_core::units::Word;
 
 pub use check::check;
-pub use column::{Column, units};
+pub use column::Column;
 pub use csv::{about, write, write_table, write_text};
 pub use error::{ReadError, SelectError};
 pub use finding::{Finding, FindingKind, Severity};

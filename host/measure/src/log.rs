@@ -17,9 +17,10 @@ use darm_robot::csv_table::with_line_end;
 use darm_robot::files::Limits;
 use serde_json::{Map, Value, json};
 
-use super::column::{meaning_of, name_parts};
+use super::column::meaning_of;
 use super::csv_text::csv_text;
 use super::mcap::{Log, McapError, Writer};
+use super::unit::split_ours;
 
 /// The topic of a log that is written.
 pub const TOPIC: &str = "/measurement";
@@ -132,7 +133,7 @@ fn table(log: &Log, limits: &Limits) -> Result<Vec<u8>, LogError> {
         _ => format!("{}/{key}", topic.trim_start_matches('/')),
     };
     // A stamp under another name may be a date; the time of the log is a number.
-    let timed = columns.iter().any(|(_, key)| matches!(name_parts(key).0.as_str(), "time" | "t"));
+    let timed = columns.iter().any(|(_, key)| matches!(split_ours(key).0.as_str(), "time" | "t"));
     let own = (!timed && !rows.is_empty()).then(|| "time_s".to_string());
     let header: Vec<String> = own.into_iter().chain(columns.iter().map(name)).collect();
     let lines = rows.iter().map(|(time_ns, row)| -> Vec<String> {
@@ -215,8 +216,8 @@ impl Rows {
     pub(super) fn push(&mut self, record: &csv::StringRecord) {
         let cells = || self.header.iter().zip(record);
         let object: Map<String, Value> = cells().map(|(name, cell)| (name.to_string(), value(name, cell))).collect();
-        let time = cells().find(|(name, _)| meaning_of(&name_parts(name).0) == "time");
-        let time_s = time.and_then(|(name, cell)| Some(cell.parse::<f64>().ok()? * name_parts(name).1));
+        let time = cells().find(|(name, _)| meaning_of(&split_ours(name).0) == "time");
+        let time_s = time.and_then(|(name, cell)| Some(seconds(name, cell.parse().ok()?)));
         let time_s = time_s.unwrap_or(self.count as f64);
         let first_s = *self.first_s.get_or_insert(time_s);
         let nanoseconds = |time_s: f64| (time_s * 1e9).round() as u64;
@@ -229,11 +230,16 @@ impl Rows {
     }
 }
 
+/// A time in the unit that the name of its column ends in, as seconds.
+fn seconds(name: &str, time: f64) -> f64 {
+    split_ours(name).1.map_or(time, |unit| unit.to_si(time))
+}
+
 fn schema(header: &csv::StringRecord) -> Value {
     let property = |name: &str| {
-        let (quantity, _, unit) = name_parts(name);
+        let (quantity, unit) = split_ours(name);
         let kind = if DIGITS.contains(&name) { "string" } else { "number" };
-        let what = if unit.is_empty() { quantity } else { format!("{quantity}, read as {unit}") };
+        let what = unit.map_or(quantity.clone(), |unit| format!("{quantity}, read as {}", unit.si()));
         (name.to_string(), json!({ "type": [kind, "string", "null"], "description": what }))
     };
     let properties: Map<String, Value> = header.iter().map(property).collect();

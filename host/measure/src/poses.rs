@@ -14,7 +14,6 @@ use super::hold_out::{HeldOut, HoldOut};
 use super::select::Selection;
 use super::table::{Names, Table};
 use super::{Choice, Finding, FindingKind, Run, Sample};
-use darm_arm::arm::ZERO_CELSIUS;
 
 /// Servos that never turn by more than as many degrees are taken to be in radians.
 const HALF_TURN: f64 = 3.2;
@@ -156,7 +155,7 @@ impl<'a> Columns<'a> {
             servos: (first_servo..).map_while(servo).collect(),
             pose: pose.iter().map(|(quantity, unit)| needed(quantity, unit)).collect::<Result<_, _>>()?,
             supply: in_unit("supply", "Pa"),
-            temperature: in_unit("temperature", "°C").or_else(|| in_unit("temperature", "K")),
+            temperature: in_unit("temperature", "°C"),
             load: in_unit("load", "kg"),
             strokes: (0..).map_while(|k| in_unit(&format!("stroke{k}"), "s")).collect(),
             run: table.quantity("run"),
@@ -239,19 +238,13 @@ impl Row<'_> {
             servos_rad,
             pose: pose(&numbers[..columns.pose.len()]),
             supply: self.measured(columns.supply)?,
-            temperature_c: self
-                .measured(columns.temperature)?
-                .map(|t| if self.in_kelvin() { t - ZERO_CELSIUS } else { t }),
+            temperature_c: self.measured(columns.temperature)?,
             load_kg: self.measured(columns.load)?,
             strokes_s: columns.strokes.iter().map(|&column| self.measured(Some(column))).collect::<Result<_, _>>()?,
             run,
             visit: self.optional(columns.visit, "an integer")?.unwrap_or(index as u32),
             held_out: false,
         }))
-    }
-
-    fn in_kelvin(&self) -> bool {
-        self.columns.temperature.is_some_and(|column| column.unit == "K")
     }
 
     fn finding(&self, text: String) -> Finding {

@@ -37,9 +37,10 @@ use darm_robot::csv_table::{CsvError, CsvFault, csv_error, place_of, with_line_e
 use darm_robot::files::{FileRef, Limits};
 use darm_robot::source::Fault;
 
-use super::column::{Column, name_parts};
+use super::column::Column;
 use super::csv::content;
 use super::error::{ReadError, SelectError};
+use super::unit::{Unit, split_ours};
 use super::{Finding, FindingKind};
 
 /// A table.
@@ -135,15 +136,15 @@ impl Table {
             return Err(ReadError::NoColumn { path: path.into(), column: missing.clone(), present });
         }
         let given =
-            |name: &str| names.iter().find(|(_, column)| column.as_str() == name).map(|(key, _)| name_parts(key));
-        let kinds: Vec<_> = header.iter().map(|name| given(name).unwrap_or_else(|| name_parts(name))).collect();
+            |name: &str| names.iter().find(|(_, column)| column.as_str() == name).map(|(key, _)| split_ours(key));
+        let kinds: Vec<_> = header.iter().map(|name| given(name).unwrap_or_else(|| split_ours(name))).collect();
         let mut columns: Vec<Column> = header
             .iter()
             .zip(&kinds)
-            .map(|(name, (quantity, _, unit))| Column {
+            .map(|(name, (quantity, unit))| Column {
                 name: name.into(),
                 quantity: quantity.clone(),
-                unit,
+                unit: unit.map_or("", Unit::si),
                 numbers: Vec::new(),
                 words: Vec::new(),
             })
@@ -159,8 +160,10 @@ impl Table {
             if before.as_ref() == Some(&record) {
                 findings.push(Finding::note(FindingKind::RepeatedRow, "the row repeats the one before").at_line(line));
             }
-            for (column, (cell, (_, factor, _))) in columns.iter_mut().zip(record.iter().zip(&kinds)) {
-                column.numbers.push(cell.parse::<f64>().map_or(f64::NAN, |number| number * factor));
+            for (column, (cell, (_, unit))) in columns.iter_mut().zip(record.iter().zip(&kinds)) {
+                column.numbers.push(
+                    cell.parse::<f64>().map_or(f64::NAN, |number| unit.map_or(number, |unit| unit.to_si(number))),
+                );
                 column.words.push(cell.into());
             }
             lines.push(line);

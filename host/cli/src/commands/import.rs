@@ -11,8 +11,8 @@ use darm_measure::import::read::Dialect;
 use darm_measure::import::summary::{Summary, summary};
 use darm_measure::import::table::Table;
 use darm_measure::import::time_stamp::Dates;
-use darm_measure::import::unit::Unit;
 use darm_measure::import::{Recording, map_file, proposal};
+use darm_measure::unit::Unit;
 use darm_measure::write_table;
 use serde::Serialize;
 

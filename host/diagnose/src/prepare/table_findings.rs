@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use crate::prepare::error::PrepareError;
+use darm_arm::arm::ZERO_CELSIUS;
 use darm_measure::column::Column;
 use darm_measure::table::Table;
 use darm_measure::{Finding, FindingKind, median};
@@ -152,7 +153,10 @@ fn doubt(table: &Table, column: &Column) -> Option<Doubt> {
         ("pressure" | "supply", "" | "Pa") if largest > 0.0 && largest < MIN_PRESSURE => up_to("Pa", "bar", "bar"),
         ("pressure" | "supply", "Pa") if largest > MAX_PRESSURE => up_to("Pa", "pascal", "pa"),
         ("temperature", "" | "°C") if middle > MAX_CELSIUS => usually("°C", "kelvin", "k"),
-        ("temperature", "K") if middle < MIN_KELVIN => usually("K", "degrees Celsius", "c"),
+        ("temperature", "°C") if column.file_unit().eq_ignore_ascii_case("k") && middle + ZERO_CELSIUS < MIN_KELVIN => {
+            let kelvin = ((middle + ZERO_CELSIUS) * 1e6).round() / 1e6;
+            Some(Doubt { found: format!("is usually {kelvin} K"), meant: "degrees Celsius", end: "c" })
+        }
         _ => None,
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::import::proposal;
 use crate::import::recording::{Part, is_missing};
-use crate::import::unit::Unit;
+use crate::unit::Unit;
 
 /// A time stamp of the years 2001 to 2286, ns; smaller numbers count from the beginning of a recording.
 const LONG_AGO_NS: std::ops::Range<i128> = 1_000_000_000_000_000_000..9_000_000_000_000_000_000;

@@ -17,7 +17,7 @@ use crate::import::header::{Names, names};
 use crate::import::proposal;
 use crate::import::recording::{Column, Part, Row, is_missing, number};
 use crate::import::time_stamp::{self, Dates};
-use crate::import::unit::{self, Unit};
+use crate::unit::{self, Unit};
 use darm_robot::csv_table::place_of;
 use darm_robot::files::Limits;
 

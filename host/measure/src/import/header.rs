@@ -4,7 +4,7 @@ use std::collections::{HashMap, HashSet};
 
 use crate::import::recording::{Row, is_missing, number};
 use crate::import::time_stamp;
-use crate::import::unit::Unit;
+use crate::unit::Unit;
 
 /// Most rows that a header has.
 const MAX_ROWS: usize = 8;

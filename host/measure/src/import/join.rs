@@ -82,7 +82,7 @@ pub fn side_by_side(recordings: Vec<Recording>) -> Result<Recording, ImportError
 /// The column of time of a table, ns; `None` without one or with a row that has none.
 fn stamps_ns(part: &Part) -> Option<Vec<i64>> {
     let (column, unit) = time_column(part)?;
-    let (factor, _) = unit.conversion(crate::import::unit::Unit::named("ns")?)?;
+    let (factor, _) = unit.conversion(crate::unit::Unit::named("ns")?)?;
     let epoch_ns = part.epoch_ns.unwrap_or(0);
     let stamp = |number: &f64| number.is_finite().then(|| epoch_ns.saturating_add((number * factor).round() as i64));
     part.columns[column].numbers.iter().map(stamp).collect()

@@ -17,7 +17,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use crate::import::mapping::{Entry, Mapping, Scale};
-use crate::import::unit::Unit;
+use crate::unit::Unit;
 
 /// Why a file gives no mapping: with file, line and column.
 pub type MapFileError = FileError<String>;

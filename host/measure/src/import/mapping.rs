@@ -15,7 +15,7 @@
 use std::str::FromStr;
 
 use crate::import::recording::{Column, Part, Recording};
-use crate::import::unit::{self, Unit};
+use crate::unit::{self, Unit};
 
 /// Names that a message lists at most.
 const MAX_NAMES: usize = 12;

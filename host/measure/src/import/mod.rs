@@ -24,7 +24,6 @@ mod ros;
 pub mod summary;
 pub mod table;
 pub mod time_stamp;
-pub mod unit;
 
 pub use error::ImportError;
 pub use read::read;

@@ -2,7 +2,7 @@
 
 use crate::import::mapping::{Entry, Mapping, Scale};
 use crate::import::recording::{Column, Part, Recording};
-use crate::import::unit::{self, Unit};
+use crate::unit::{self, Unit};
 
 /// Names of time, in small letters without unit.
 const TIMES: [&str; 20] = [

@@ -5,7 +5,7 @@ use serde::Serialize;
 use crate::import::join::{n_gaps, usual_step_ns};
 use crate::import::proposal::time_column;
 use crate::import::recording::{Column, Part, Recording};
-use crate::import::unit::Unit;
+use crate::unit::Unit;
 
 /// A recording in brief.
 #[derive(Clone, Debug, Serialize)]

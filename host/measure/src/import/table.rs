@@ -7,7 +7,7 @@ use crate::import::error::{ImportError, Where};
 use crate::import::join;
 use crate::import::mapping::{Found, Mapping, Scale};
 use crate::import::recording::{Part, Recording};
-use crate::import::unit::Unit;
+use crate::unit::Unit;
 
 /// A table of measurements.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -10,11 +10,11 @@ use darm_diagnose::overview::{self, Overview, Possible};
 use darm_diagnose::prepare::signals::Preparation;
 use darm_measure::import::mapping::{Entry, Mapping, Scale};
 use darm_measure::import::read::Dialect;
-use darm_measure::import::unit::{self, Unit};
 use darm_measure::import::{ImportError, Recording, proposal, table};
 use darm_measure::origin::Origin;
 use darm_measure::poses::{self, Which};
 use darm_measure::table::{Names, Table};
+use darm_measure::unit::{self, Unit};
 use darm_measure::{Finding, FindingKind, ReadError, about};
 use darm_robot::files::{FileRef, Files};
 use serde::Serialize;
@@ -200,7 +200,7 @@ impl Reader {
 
     fn units(&self) -> Vec<&'static str> {
         match self {
-            Self::Own(_) => darm_measure::units().collect(),
+            Self::Own(_) => Unit::ends().collect(),
             Self::Import(_) => Unit::names().collect(),
         }
     }
