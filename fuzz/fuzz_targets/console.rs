@@ -3,8 +3,8 @@
 
 use std::sync::OnceLock;
 
-use darm_device::in_process::{InProcess, MemoryFlash};
-use darm_device::plant::Plant;
+use darm_sim::in_process::{InProcess, MemoryFlash};
+use darm_sim::plant::Plant;
 use darm_core::output::Wiring;
 use darm_core::wire::frame::{self, Header};
 use libfuzzer_sys::fuzz_target;

@@ -12,8 +12,8 @@ use darm_core::sequencer::Event;
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{self, CrashKind, CrashRecord};
 use darm_device::client::Client;
-use darm_device::qemu::qtest::Qtest;
-use darm_device::qemu::{Console, Machine, Qemu};
+use darm_sim::qemu::qtest::Qtest;
+use darm_sim::qemu::{Console, Machine, Qemu};
 use emulator::Ready;
 
 /// Longest wait for anything: a loaded machine is slow.

@@ -13,10 +13,10 @@ use darm_core::profile::BUILT_IN;
 use darm_core::units::Digest;
 use darm_core::wire::message::Refusal;
 use darm_device::client::Client;
-use darm_device::follow::Follower;
 use darm_device::link;
-use darm_device::plant::Plant;
-use darm_device::qemu::{Console, Machine, Qemu};
+use darm_sim::follow::Follower;
+use darm_sim::plant::Plant;
+use darm_sim::qemu::{Console, Machine, Qemu};
 use emulator::Ready;
 
 /// Long enough for a profile to be written if nothing held it back.

@@ -16,8 +16,8 @@ use darm_core::sequencer::{Command, Event, FaultKind, Phase};
 use darm_core::units::{ActuatorId, ModelHash};
 use darm_core::wire::message::Calibration;
 use darm_device::link::Link;
-use darm_device::plant::Broken;
-use darm_device::qemu::Console;
+use darm_sim::plant::Broken;
+use darm_sim::qemu::Console;
 
 #[test]
 fn a_table_is_uploaded_and_played_by_the_pins() {

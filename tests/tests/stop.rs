@@ -12,10 +12,10 @@ use std::time::{Duration, Instant};
 
 use darm_arm::arm::Arm;
 use darm_arm::wired_arm::WiredArm;
-use darm_device::follow::Follower;
-use darm_device::in_process::MemoryFlash;
-use darm_device::plant::Plant;
-use darm_device::qemu::{self, Console, Machine, Qemu};
+use darm_sim::follow::Follower;
+use darm_sim::in_process::MemoryFlash;
+use darm_sim::plant::Plant;
+use darm_sim::qemu::{self, Console, Machine, Qemu};
 use emulator::Ready;
 
 /// Longest wait for the program to begin: a loaded machine is slow.

@@ -11,10 +11,10 @@ use bench::{events_until, profile, row_words, stepped, table, wiring};
 use darm_core::sequencer::{Command, Event, Phase};
 use darm_core::units::ModelHash;
 use darm_device::client::Client;
-use darm_device::in_process::MemoryFlash;
-use darm_device::qemu::qtest::Qtest;
-use darm_device::qemu::{Console, Machine, Qemu};
 use darm_firmware::sparse_flash::{MAGIC, PAGE};
+use darm_sim::in_process::MemoryFlash;
+use darm_sim::qemu::qtest::Qtest;
+use darm_sim::qemu::{Console, Machine, Qemu};
 use emulator::Ready;
 
 /// Where `board.x` of the board puts the model of the flash.

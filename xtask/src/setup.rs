@@ -14,7 +14,7 @@ use anyhow::{Context, Result};
 
 // The source of the host tools, which are not built yet where a machine is set up.
 #[expect(unreachable_pub, reason = "it is public there")]
-#[path = "../../host/device/src/qemu/version.rs"]
+#[path = "../../host/sim/src/qemu/version.rs"]
 mod qemu;
 
 /// The chip's target.
@@ -159,7 +159,7 @@ fn install_pico_emulator(folder: &Path, is_there: bool) -> Result<()> {
     }
     fs::create_dir_all(folder)?;
     for name in ["package.json", "package-lock.json"] {
-        fs::copy(root().join("host/device/pico").join(name), folder.join(name))?;
+        fs::copy(root().join("host/sim/pico").join(name), folder.join(name))?;
     }
     let mut npm = Command::new("npm");
     npm.current_dir(folder).args(["ci", "--ignore-scripts", "--no-audit", "--no-fund"]);

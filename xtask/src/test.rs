@@ -40,12 +40,13 @@ enum Part {
 /// The tests of the book and of what is published.
 const BOOK: &str = "darm-book";
 /// Packages whose unit tests are quick, with their folders.
-const UNIT_TESTED: [(&str, &str); 10] = [
+const UNIT_TESTED: [(&str, &str); 11] = [
     ("darm-core", "shared/"),
     ("darm-firmware", "firmware/src/"),
     ("darm-robot", "host/robot/"),
     ("darm-arm", "host/arm/"),
     ("darm-device", "host/device/"),
+    ("darm-sim", "host/sim/"),
     ("darm-measure", "host/measure/"),
     ("darm-diagnose", "host/diagnose/"),
     ("darm-serve", "host/serve/"),

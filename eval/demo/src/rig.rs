@@ -7,13 +7,13 @@ use darm_arm::arm::Arm;
 use darm_arm::board_profile::BoardProfile;
 use darm_arm::wired_arm::WiredArm;
 use darm_device::client::Client;
-use darm_device::follow::Follower;
-use darm_device::in_process::{InProcess, MemoryFlash};
 use darm_device::link;
-use darm_device::pico::{self, PicoBench};
-use darm_device::plant::Plant;
-use darm_device::plant::camera::Film;
-use darm_device::qemu::{self, Console, Machine, Qemu};
+use darm_sim::follow::Follower;
+use darm_sim::in_process::{InProcess, MemoryFlash};
+use darm_sim::pico::{self, PicoBench};
+use darm_sim::plant::Plant;
+use darm_sim::plant::camera::Film;
+use darm_sim::qemu::{self, Console, Machine, Qemu};
 
 /// A board that can be talked to, and a camera that looks at what hangs on its pins.
 pub(crate) struct Rig {

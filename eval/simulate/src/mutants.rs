@@ -11,11 +11,11 @@ use std::process::Command;
 
 use anyhow::{Context as _, Result, anyhow, bail};
 
-use darm_device::in_process::Chip;
 use darm_figures::figure::Figure;
 use darm_figures::items::Job;
 use darm_figures::results::Contents;
 use darm_figures::shard::Shard;
+use darm_sim::in_process::Chip;
 use serde::{Deserialize, Serialize};
 
 use crate::run::run;

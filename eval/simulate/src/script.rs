@@ -3,7 +3,7 @@
 //! Times are true time in milliseconds. Every entry carries the seed of what it draws, so that leaving one out does not
 //! change the others.
 
-use darm_device::in_process::Chip;
+use darm_sim::in_process::Chip;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 

@@ -3,10 +3,10 @@
 use std::ops::Range;
 
 use anyhow::Result;
-use darm_device::in_process::Chip;
 use darm_figures::figure::Figure;
 use darm_figures::items::Job;
 use darm_figures::shard::Shard;
+use darm_sim::in_process::Chip;
 use serde::{Deserialize, Serialize};
 
 use crate::run::run;

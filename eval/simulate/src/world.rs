@@ -12,9 +12,9 @@ use std::collections::{BTreeMap, VecDeque};
 
 use darm_core::output::Wiring;
 use darm_core::units::Digest;
-use darm_device::in_process::{Bench, Chip, MemoryFlash, Physical};
-use darm_device::plant::Plant;
-use darm_device::plant::servo_bus::{ServoFaults, ServoState};
+use darm_sim::in_process::{Bench, Chip, MemoryFlash, Physical};
+use darm_sim::plant::Plant;
+use darm_sim::plant::servo_bus::{ServoFaults, ServoState};
 
 use crate::arm::{ArmPlan, EMERGENCY_STOP};
 use crate::judge::person::Person;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use darm_device::in_process::Chip;
+use darm_sim::in_process::Chip;
 use darm_simulate::mutants;
 use darm_simulate::run::{Outcome, run};
 use darm_simulate::script::{MIN_MS, Script};

@@ -7,7 +7,7 @@ use anyhow::{Context, Result, bail};
 use darm_arm::arm::{Arm, ArmScratch};
 use darm_core::real::{Mat3, Vec3};
 use darm_core::se::Pose;
-use darm_device::qemu;
+use darm_sim::qemu;
 
 use darm_figures::figure::Figure;
 use xtask::image;

@@ -12,10 +12,10 @@ use darm_core::output::{ActuatorWiring, Coil, CoilLimit, Drive, ServoWiring, Wir
 use darm_core::table::{MAX_ROWS, Record, Row, head};
 use darm_core::units::{Micros, ModelHash, Word};
 use darm_device::client::Client;
-use darm_device::in_process::{InProcess, MemoryFlash};
 use darm_device::link::paced::{Line, Paced};
-use darm_device::plant::Plant;
 use darm_figures::figure::Figure;
+use darm_sim::in_process::{InProcess, MemoryFlash};
+use darm_sim::plant::Plant;
 
 const BAUD: u32 = 115_200;
 /// Seeds of a line with losses.

@@ -11,12 +11,12 @@ use darm_core::sequencer::Event;
 use darm_core::units::Word;
 use darm_device::client::{Client, TimedEvent};
 use darm_device::clock::HostTime;
-use darm_device::follow::Follower;
-use darm_device::in_process::MemoryFlash;
 use darm_device::link::{Link, LinkError};
-use darm_device::plant::Plant;
-use darm_device::plant::camera::Film;
-use darm_device::qemu::{self, Console, Machine, Qemu};
+use darm_sim::follow::Follower;
+use darm_sim::in_process::MemoryFlash;
+use darm_sim::plant::Plant;
+use darm_sim::plant::camera::Film;
+use darm_sim::qemu::{self, Console, Machine, Qemu};
 
 use crate::emulator::{self, Ready};
 pub(crate) use tables::{profile, servo_angle_rad, stepped, table, table_with, wiring};

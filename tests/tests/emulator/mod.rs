@@ -5,7 +5,7 @@ mod missing;
 use std::fs::File;
 use std::path::PathBuf;
 
-use darm_device::qemu;
+use darm_sim::qemu;
 
 pub(crate) use missing::{missing, target};
 

@@ -7,9 +7,9 @@ use darm_core::output::Wiring;
 use darm_core::sequencer::Event;
 use darm_core::units::Word;
 use darm_device::client::{Client, TimedEvent};
-use darm_device::in_process::InProcess;
-use darm_device::pico::{self, PicoBench};
-use darm_device::plant::Plant;
+use darm_sim::in_process::InProcess;
+use darm_sim::pico::{self, PicoBench};
+use darm_sim::plant::Plant;
 
 use crate::missing::{missing, target};
 use crate::tables::{profile, wiring};
@@ -69,7 +69,7 @@ impl Bench {
     }
 
     pub(crate) fn lines(&self) -> u64 {
-        self.with(|bench| darm_device::in_process::Stepped::plant(bench).lines())
+        self.with(|bench| darm_sim::in_process::Stepped::plant(bench).lines())
     }
 
     pub(crate) fn with<T: Send + 'static>(&self, act: impl FnOnce(&mut PicoBench) -> T + Send + 'static) -> T {

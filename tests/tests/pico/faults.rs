@@ -9,7 +9,7 @@ use darm_core::wire::bootstrap::CrashKind;
 use darm_core::wire::health::LineErrors;
 use darm_core::wire::message::{Calibration, Refusal};
 use darm_device::client::Client;
-use darm_device::pico::{Ended, PicoBench};
+use darm_sim::pico::{Ended, PicoBench};
 
 use crate::bench::Bench;
 use crate::tables::{profile, stepped, table, table_under, wiring};

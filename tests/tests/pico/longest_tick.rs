@@ -7,7 +7,7 @@ use darm_core::profile::{BoardWiring, PICO, Profile};
 use darm_core::sequencer::{Command, Event};
 use darm_core::table::{Record, Row, head};
 use darm_core::units::{Micros, ModelHash, Word};
-use darm_device::pico::PicoBench;
+use darm_sim::pico::PicoBench;
 
 use crate::bench::Bench;
 

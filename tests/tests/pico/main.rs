@@ -21,8 +21,8 @@ use darm_core::units::{Micros, ModelHash, Word};
 use darm_core::wire::bootstrap::RebootTarget;
 use darm_core::wire::message::{Calibration, Refusal};
 use darm_device::client::{Client, ClientError, TimedEvent};
-use darm_device::pico::{self, Ended, PicoBench};
-use darm_device::plant::Broken;
+use darm_sim::pico::{self, Ended, PicoBench};
+use darm_sim::plant::Broken;
 use tables::{profile, servo_angle_rad, stepped, table, table_with, wiring};
 
 fn row_words(happened: &[TimedEvent]) -> Vec<Word> {

@@ -4,7 +4,7 @@ use darm_arm::board_profile::BoardProfile;
 use darm_core::profile::{BoardWiring, PICO, Profile};
 use darm_core::sequencer::{Command, Event};
 use darm_core::units::ModelHash;
-use darm_device::pico::{Edges, PicoBench};
+use darm_sim::pico::{Edges, PicoBench};
 
 use super::bench::Bench;
 use super::tables::{profile, stepped, table_under, wiring};

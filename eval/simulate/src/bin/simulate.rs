@@ -6,9 +6,9 @@ use std::time::Instant;
 
 use anyhow::{Context as _, Result};
 use clap::Parser;
-use darm_device::in_process::Chip;
 use darm_figures::figure::Figures;
 use darm_figures::items::{self, Job as _, Spread};
+use darm_sim::in_process::Chip;
 use darm_simulate::markdown;
 use darm_simulate::mutants::Mutants;
 use darm_simulate::run::run;

@@ -4,7 +4,7 @@ use darm_core::sequencer::{Command, Phase};
 use darm_core::wire::bootstrap::RebootTarget;
 use darm_core::wire::message::Calibration;
 use darm_device::client::{Client, ClientError};
-use darm_device::plant::servo_bus::ServoFaults;
+use darm_sim::plant::servo_bus::ServoFaults;
 
 use super::{FirstUpload, Host, TRIES};
 use crate::answers::{self, PULSE_MS, SETTLE_MS};

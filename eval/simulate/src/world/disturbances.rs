@@ -1,9 +1,9 @@
 //! The disturbances of a script: how each begins, acts in every tick, and ends.
 
 use darm_arm::image::UploadImage;
-use darm_device::in_process::ChainFaults;
-use darm_device::plant::Broken;
-use darm_device::plant::servo_bus::ServoFaults;
+use darm_sim::in_process::ChainFaults;
+use darm_sim::plant::Broken;
+use darm_sim::plant::servo_bus::ServoFaults;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 

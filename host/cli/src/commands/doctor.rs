@@ -9,7 +9,7 @@ use darm_core::sequencer::Phase;
 use darm_core::wire::message::Refusal;
 use darm_device::client::{Client, ClientError, TransportError};
 use darm_device::link::{self, LinkError};
-use darm_device::qemu::{self, VersionError};
+use darm_sim::qemu::{self, VersionError};
 use serde::Serialize;
 
 use super::status::ProfileState;

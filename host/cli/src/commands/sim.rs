@@ -16,10 +16,10 @@ use darm_arm::board_profile::BoardProfile;
 use darm_arm::stops::differences;
 use darm_arm::wired_arm::WiredArm;
 use darm_core::units::Digest;
-use darm_device::plant::Broken;
-use darm_device::qemu::{self, Console};
 use darm_diagnose::report::numbers::after;
 use darm_diagnose::truth::{Sealed, Truth};
+use darm_sim::plant::Broken;
+use darm_sim::qemu::{self, Console};
 use serde::Serialize;
 
 use crate::failure::Usage;

@@ -423,8 +423,8 @@ mod tests {
     use darm_arm::board_profile::BoardProfile;
     use darm_core::output::Wiring;
     use darm_device::client::Client;
-    use darm_device::in_process::{InProcess, MemoryFlash};
-    use darm_device::plant::Plant;
+    use darm_sim::in_process::{InProcess, MemoryFlash};
+    use darm_sim::plant::Plant;
 
     use super::{LOST, ProfileState, report};
     use crate::ui::Answer as _;

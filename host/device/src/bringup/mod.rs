@@ -42,6 +42,3 @@ pub use run::{BringupError, Outcome, run};
 pub use stroke::{Edge, Sample, Sight, Span, Stroke};
 pub use subject::Subject;
 pub use travel::{Travel, travel_ms, travels};
-
-#[cfg(test)]
-mod tests;

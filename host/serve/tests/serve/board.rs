@@ -11,14 +11,14 @@ use darm_arm::plan::{Visit, plan};
 use darm_arm::table_file;
 use darm_arm::wired_arm::WiredArm;
 use darm_device::client::stop::{hold, stop_at};
-use darm_device::in_process::{InProcess, MemoryFlash};
 use darm_device::link::LinkError;
-use darm_device::plant::Plant;
 use darm_serve::access::Token;
 use darm_serve::board_port::BoardPort;
 use darm_serve::history::History;
 use darm_serve::measured::PoseSource;
 use darm_serve::server::{Config, ServedArm, Server};
+use darm_sim::in_process::{InProcess, MemoryFlash};
+use darm_sim::plant::Plant;
 use serde_json::{Value, json};
 
 use super::http::{Answer, request};

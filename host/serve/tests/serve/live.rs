@@ -74,14 +74,14 @@ fn a_fault_is_shown_with_its_actuator_and_cleared() {
     bench.phase("idle");
     let page = bench.page_in_control();
     let digest = page.upload(&bench.table(&["000010000000"], 0.5));
-    let broken = darm_device::plant::Broken { lines_low: 1 << 4, ..Default::default() };
+    let broken = darm_sim::plant::Broken { lines_low: 1 << 4, ..Default::default() };
     bench.board.set_broken(broken);
     page.play(&digest);
     bench.board.pass(0.5);
     let live = bench.phase("safe");
     let phase = &live["board"]["phase"];
     assert_eq!((&phase["fault"]["actuator"], &phase["row"]), (&json!(4), &json!(0)), "{phase}");
-    bench.board.set_broken(darm_device::plant::Broken::default());
+    bench.board.set_broken(darm_sim::plant::Broken::default());
     assert_eq!(page.command(&json!({"do": "clear"})).status, 200);
     bench.phase("idle");
 }

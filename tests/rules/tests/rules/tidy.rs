@@ -29,7 +29,7 @@ const LAYERS: [&str; 19] = [
     "wire",
 ];
 /// The crates with their folders, lowest first, and the crates that each depends on: exactly these.
-const CRATES: [(&str, &str, &[&str]); 22] = [
+const CRATES: [(&str, &str, &[&str]); 23] = [
     ("darm-core", "shared", &[]),
     ("darm-firmware", "firmware", &["darm-core"]),
     ("darm-b-l475e-iot01a", "firmware/boards/b-l475e-iot01a", &["darm-core", "darm-firmware"]),
@@ -37,14 +37,15 @@ const CRATES: [(&str, &str, &[&str]); 22] = [
     ("darm-olimex-stm32-h405", "firmware/boards/olimex-stm32-h405", &["darm-core", "darm-firmware"]),
     ("darm-robot", "host/robot", &["darm-core"]),
     ("darm-arm", "host/arm", &["darm-core", "darm-robot"]),
-    ("darm-device", "host/device", &["darm-arm", "darm-core", "darm-firmware"]),
+    ("darm-device", "host/device", &["darm-arm", "darm-core"]),
+    ("darm-sim", "host/sim", &["darm-arm", "darm-core", "darm-device", "darm-firmware"]),
     ("darm-measure", "host/measure", &["darm-arm", "darm-core", "darm-robot"]),
     ("darm-diagnose", "host/diagnose", &["darm-arm", "darm-core", "darm-measure", "darm-robot"]),
     ("darm-papers", "host/papers", &["darm-arm", "darm-core", "darm-diagnose", "darm-measure", "darm-robot"]),
     (
         "darm-serve",
         "host/serve",
-        &["darm-arm", "darm-core", "darm-device", "darm-diagnose", "darm-measure", "darm-robot"],
+        &["darm-arm", "darm-core", "darm-device", "darm-diagnose", "darm-measure", "darm-robot", "darm-sim"],
     ),
     (
         "darm",
@@ -58,18 +59,19 @@ const CRATES: [(&str, &str, &[&str]); 22] = [
             "darm-papers",
             "darm-robot",
             "darm-serve",
+            "darm-sim",
         ],
     ),
-    ("darm-tests", "tests", &["darm-arm", "darm-core", "darm-device", "darm-firmware"]),
+    ("darm-tests", "tests", &["darm-arm", "darm-core", "darm-device", "darm-firmware", "darm-sim"]),
     ("darm-figures", "eval/figures", &[]),
-    ("darm-simulate", "eval/simulate", &["darm-arm", "darm-core", "darm-device", "darm-figures"]),
+    ("darm-simulate", "eval/simulate", &["darm-arm", "darm-core", "darm-device", "darm-figures", "darm-sim"]),
     ("xtask", "xtask", &[]),
     ("darm-rules", "tests/rules", &[]),
     ("darm-book", "tests/book", &["xtask"]),
     (
         "darm-demo",
         "eval/demo",
-        &["darm-arm", "darm-core", "darm-device", "darm-diagnose", "darm-figures", "darm-measure", "xtask"],
+        &["darm-arm", "darm-core", "darm-device", "darm-diagnose", "darm-figures", "darm-measure", "darm-sim", "xtask"],
     ),
     (
         "darm-eval",
@@ -84,11 +86,12 @@ const CRATES: [(&str, &str, &[&str]); 22] = [
             "darm-measure",
             "darm-papers",
             "darm-robot",
+            "darm-sim",
             "darm-simulate",
             "xtask",
         ],
     ),
-    ("darm-fuzz", "fuzz", &["darm-core", "darm-device"]),
+    ("darm-fuzz", "fuzz", &["darm-core", "darm-sim"]),
 ];
 
 /// The module of a file of the core: `se` of `shared/src/se/screw.rs`.

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use darm_device::clock::host_now_s;
 use darm_device::link::Link;
-use darm_device::plant::camera::{Film, Frame};
+use darm_sim::plant::camera::{Film, Frame};
 
 /// Interval at which the board's time is advanced to the host's.
 const STEP: Duration = Duration::from_millis(1);

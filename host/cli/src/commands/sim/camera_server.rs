@@ -8,8 +8,8 @@ use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use darm_device::clock::host_now_s;
-use darm_device::plant::camera::Frame;
 use darm_diagnose::truth::{TrueState, Truth};
+use darm_sim::plant::camera::Frame;
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 

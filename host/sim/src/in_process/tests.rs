@@ -6,12 +6,12 @@ use darm_core::table::{Record, Row, head};
 use darm_core::units::{ActuatorId, Micros, ModelHash, Word};
 
 use super::{Chip, InProcess, MemoryFlash};
-use crate::client::{Client, TimedEvent};
-use crate::link::faulty::{Faults, Faulty};
 use crate::plant::{Broken, Plant};
-use crate::strokes::{InputHistory, SentRow, stroke_times};
 use darm_arm::board_profile::BoardProfile;
 use darm_arm::image::UploadImage;
+use darm_device::client::{Client, TimedEvent};
+use darm_device::link::faulty::{Faults, Faulty};
+use darm_device::strokes::{InputHistory, SentRow, stroke_times};
 
 /// Four valves with switches, and a servo.
 fn wiring() -> Wiring {
@@ -120,7 +120,7 @@ fn uploads_and_commands_survive_bad_lines() {
 #[test]
 fn a_stored_table_outlives_a_power_cut_and_half_an_upload_does_not() {
     let (board, mut client) = loaded();
-    let half = &mut |progress: crate::client::Progress| {
+    let half = &mut |progress: darm_device::client::Progress| {
         if 2 * progress.done > progress.total {
             board.power_cycle();
         }

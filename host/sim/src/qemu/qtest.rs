@@ -11,7 +11,7 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::thread;
 use std::time::Duration;
 
-use crate::clock::host_now_s;
+use darm_device::clock::host_now_s;
 
 /// Longest wait for an answer; the emulator answers within microseconds unless its machine is starved.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(20);

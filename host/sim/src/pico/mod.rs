@@ -14,10 +14,10 @@ use std::path::Path;
 
 use darm_arm::image::UploadImage;
 
-use crate::client::{Client, ClientError};
 use crate::in_process::InProcess;
 use crate::plant::Plant;
 pub use bench::{Edges, PicoBench};
+use darm_device::client::{Client, ClientError};
 pub use emulator::{Ended, Measured, PicoError, find};
 
 /// The file that represents the part of the flash that the firmware writes.

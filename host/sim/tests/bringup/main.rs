@@ -7,10 +7,10 @@ use darm_arm::board_profile::BoardProfile;
 use darm_core::output::{ActuatorWiring, Coil, Drive, LimitSwitch, SwitchLimit, Wiring};
 use darm_core::profile::{EmergencyStop, Profile};
 
-use super::{BringupError, Consent, Kind, Outcome, Subject, correct, run, travel_ms};
-use crate::client::{Client, ClientError};
-use crate::in_process::{InProcess, MemoryFlash};
-use crate::plant::{Broken, Plant};
+use darm_device::bringup::{BringupError, Consent, Kind, Outcome, Subject, correct, run, travel_ms};
+use darm_device::client::{Client, ClientError};
+use darm_sim::in_process::{InProcess, MemoryFlash};
+use darm_sim::plant::{Broken, Plant};
 use mistakes::{MISTAKES, Mistake};
 use person::Person;
 

@@ -147,7 +147,7 @@ impl Qemu {
         Ok((qmp, console))
     }
 
-    /// The port of the board's console, to be opened with [`crate::link::open`].
+    /// The port of the board's console, to be opened with [`darm_device::link::open`].
     pub fn console_port(&self) -> &str {
         &self.console
     }

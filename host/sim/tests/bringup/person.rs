@@ -1,9 +1,9 @@
 //! A person at the simulated arm: sees where its actuators are, hears nothing of lines and inputs.
 
-use super::super::{Consent, Look, Operator, Step};
 use super::TRAVEL_MS;
-use crate::in_process::InProcess;
-use crate::plant::camera::{Film, Frame};
+use darm_device::bringup::{Consent, Look, Operator, Step};
+use darm_sim::in_process::InProcess;
+use darm_sim::plant::camera::{Film, Frame};
 
 /// The stroke ends this time after the output was switched off; a look in the middle of the time before it.
 const AFTER_OFF_S: f64 = 1e-3 * (2.0 * TRAVEL_MS as f64 + 50.0);

@@ -10,12 +10,12 @@ use std::time::{Duration, Instant};
 
 use darm_core::output::{MAX_LINES, Wiring};
 
-use crate::clock::host_now_s;
 use crate::plant::camera::{Camera, Film};
 use crate::plant::chain::Chain;
 use crate::plant::{Broken, Plant, PlantState};
 use crate::qemu::qtest::{Edge, Qtest, QtestError};
 use crate::qemu::{Qemu, board};
+use darm_device::clock::host_now_s;
 
 /// After a reset the emulated machine has forgotten the levels of its inputs, and says nothing of it: they are set again so
 /// often.

@@ -20,12 +20,12 @@ use std::sync::mpsc::{self, Sender};
 use std::thread;
 use std::time::Duration;
 
-use crate::link::{Link, LinkError};
 use crate::plant::camera::{Camera, Film};
 use crate::plant::{Broken, Plant, PlantState};
 pub use bench::{Bench, Physical};
 pub use board::{ChainFaults, DEVICE, Pin};
 pub use chip::Chip;
+use darm_device::link::{Link, LinkError};
 pub use flash::{FlashError, MemoryFlash};
 
 /// A board with a plant that somebody steps, in virtual time.

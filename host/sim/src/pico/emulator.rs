@@ -1,6 +1,6 @@
 //! The process that emulates the RP2040: `node` with the package rp2040js, driven line by line.
 //!
-//! Lines are described in `host/device/pico/emulator.mjs`. The process ends when its input does, so with this one however
+//! Lines are described in `host/sim/pico/emulator.mjs`. The process ends when its input does, so with this one however
 //! that ends.
 
 use std::env;

@@ -2,9 +2,9 @@
 
 use darm_core::output::{Drive, Wiring};
 
-use super::super::Kind;
 use super::STOP;
-use crate::plant::Broken;
+use darm_device::bringup::Kind;
+use darm_sim::plant::Broken;
 
 /// A mistake.
 pub(super) struct Mistake {
