@@ -10,6 +10,7 @@ mod start;
 mod status;
 mod tables;
 mod uploads;
+mod writes;
 
 use darm_core::profile::{BUILT_IN, Profile};
 use darm_core::sequencer::{Command, CommandError, Phase};
@@ -31,7 +32,9 @@ use crate::kept::{Kept, past};
 use crate::log::{EventLog, LogMemory};
 use crate::servo::CYCLE;
 use crate::store::Store;
+use crate::wear::{Bucket, CALIBRATIONS, TABLES};
 pub(crate) use encode::encode;
+use writes::Write;
 
 /// Version of this firmware: major, minor, patch.
 pub const FIRMWARE: [u8; 3] = [
@@ -94,6 +97,9 @@ pub struct Dispatcher<'s, 't, F: NorFlash, C> {
     calibration: Result<Option<Calibration>, Refusal>,
     /// How many stops there were when what is being done was begun.
     stops: u32,
+    /// How often the flash may be written still.
+    table_writes: Bucket,
+    calibration_writes: Bucket,
     boots: u32,
     bad_frames: u32,
     /// The connection that may ask for more than the bootstrap set.
@@ -145,6 +151,8 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
             rejected: None,
             calibration: Ok(None),
             stops: 0,
+            table_writes: Bucket::full(TABLES),
+            calibration_writes: Bucket::full(CALIBRATIONS),
             boots: 0,
             bad_frames: 0,
             link: None,

@@ -33,7 +33,7 @@ struct Record {
 }
 
 /// Memory that outlives a reset: the records of the last crashes, how many there were in a row with the complement of that
-/// number, which distinguishes it from the noise after power-on, and the last events. A board puts it where start-up code neither clears nor
+/// number, which distinguishes it from the noise after power-on, what writes of the flash have used up, and the last events. A board puts it where start-up code neither clears nor
 /// fills:
 ///
 /// ```
@@ -44,6 +44,8 @@ struct Record {
 pub struct Kept {
     records: UnsafeCell<MaybeUninit<[Record; CRASHES]>>,
     crashes: UnsafeCell<MaybeUninit<[u32; 2]>>,
+    /// Two times, and their [`Kept::check`].
+    missing_ms: UnsafeCell<MaybeUninit<[u32; 3]>>,
     log: UnsafeCell<MaybeUninit<LogMemory>>,
 }
 
@@ -58,12 +60,32 @@ impl Kept {
         Self {
             records: UnsafeCell::new(MaybeUninit::uninit()),
             crashes: UnsafeCell::new(MaybeUninit::uninit()),
+            missing_ms: UnsafeCell::new(MaybeUninit::uninit()),
             log: UnsafeCell::new(MaybeUninit::uninit()),
         }
     }
 
     fn crashes(&self) -> *mut [u32; 2] {
         self.crashes.get().cast()
+    }
+
+    /// What is missing in the buckets of tables and of calibrations, see [`crate::wear`]; `None` where memory holds noise.
+    pub(crate) fn missing_ms(&self) -> Option<[u32; 2]> {
+        // SAFETY: any bits are valid.
+        let [tables, calibrations, check] = unsafe { self.missing_ms.get().cast::<[u32; 3]>().read_volatile() };
+        (check == Self::check([tables, calibrations])).then_some([tables, calibrations])
+    }
+
+    /// Sets it. From the dispatcher only.
+    pub(crate) fn set_missing_ms(&self, missing_ms: [u32; 2]) {
+        let [tables, calibrations] = missing_ms;
+        let words = [tables, calibrations, Self::check(missing_ms)];
+        // SAFETY: the pointer is that of a static; a reset between two words leaves noise, which the check finds.
+        unsafe { self.missing_ms.get().cast::<[u32; 3]>().write_volatile(words) }
+    }
+
+    fn check([tables, calibrations]: [u32; 2]) -> u32 {
+        !(tables.rotate_left(16) ^ calibrations)
     }
 
     /// The memory of the events.
@@ -260,6 +282,16 @@ mod tests {
     fn crash(kept: &Kept, uptime_us: u64) {
         let at = Registers { pc: 1, lr: 2 };
         keep(kept, CrashKind::Panic, Micros(uptime_us), at, format_args!("number {uptime_us}"));
+    }
+
+    #[test]
+    fn what_writes_have_used_up_is_kept_and_noise_is_none() {
+        let kept = Kept::new();
+        // SAFETY: any bits are valid.
+        unsafe { kept.missing_ms.get().write_bytes(0x5a, 1) };
+        assert_eq!(kept.missing_ms(), None);
+        kept.set_missing_ms([60_000, 7]);
+        assert_eq!(kept.missing_ms(), Some([60_000, 7]));
     }
 
     #[test]

@@ -29,6 +29,7 @@ pub mod store;
 pub mod systick;
 pub mod text;
 pub mod tick;
+mod wear;
 
 #[cfg(test)]
 mod tests;

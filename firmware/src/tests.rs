@@ -6,6 +6,7 @@ mod nearest;
 mod profiles;
 mod servos;
 mod stops;
+mod wear;
 
 use core::cell::{Cell, RefCell};
 
@@ -21,6 +22,7 @@ use darm_core::wire::message::{Answer, CHUNK, Calibration, Hello, Image, REQUEST
 use crate::app::serve;
 use crate::control::{Control, Inputs, Shared, TICK};
 use crate::dispatch::{Board, Dispatcher};
+use crate::kept::Kept;
 use crate::pipe::{Pipe, PipeReader, PipeWriter};
 use fakes::{Cells, HandClock, MockFlash, caps, profile, profile_image, run, table};
 
@@ -60,6 +62,11 @@ impl Bench {
 
     /// A board that was just switched on.
     fn switched_on(cells: Cells) -> Self {
+        Self::reset(cells, None)
+    }
+
+    /// A board after a reset, with what memory has kept.
+    fn reset(cells: Cells, kept: Option<&'static Kept>) -> Self {
         let shared: &'static Shared = Box::leak(Box::default());
         let clock: &'static HandClock = Box::leak(Box::default());
         let bench = Self {
@@ -75,7 +82,7 @@ impl Bench {
             cells,
         };
         let identity = Identity { device: DeviceId([7; 12]), board: heapless::String::try_from("bench").unwrap() };
-        let board = Board { identity, crash: None, caps: caps(), guards_loader: true, health, kept: None };
+        let board = Board { identity, crash: None, caps: caps(), guards_loader: true, health, kept };
         let mut dispatcher =
             Dispatcher::new(board, bench.clock, bench.shared, Box::leak(Box::default()), Box::leak(Box::default()));
         let profile = Box::leak(Box::new(Profile::empty()));

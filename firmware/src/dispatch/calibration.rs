@@ -5,7 +5,7 @@ use darm_core::table::Table;
 use darm_core::wire::message::{Answer, Calibration, Refusal};
 use embedded_storage_async::nor_flash::NorFlash;
 
-use super::Dispatcher;
+use super::{Dispatcher, Write};
 use crate::clock::Clock;
 use crate::control::{Order, Outcome};
 
@@ -31,6 +31,8 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
         if self.calibration == Ok(Some(calibration)) {
             return if self.apply_calibration().await { Ok(Answer::Done) } else { Err(Refusal::Busy) };
         }
+        self.store()?;
+        self.take_write(Write::Calibration)?;
         self.store()?.set_calibration(calibration).await.map_err(|_| Refusal::Storage)?;
         self.calibration = Ok(Some(calibration));
         if self.apply_calibration().await { Ok(Answer::Done) } else { Err(Refusal::Busy) }

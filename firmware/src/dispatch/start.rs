@@ -15,6 +15,7 @@ impl<'t, F: NorFlash, C: Clock> Dispatcher<'_, 't, F, C> {
     /// must be running. On a board that has verifiably never had a profile the one that is built in is in force; with one that
     /// is lost or cannot be read, and without a flash to read it from, nothing is driven.
     pub async fn open(&mut self, flash: Option<F>, table: &'t mut Table, profile: &'t mut Profile) {
+        self.recall_writes();
         if let Some(flash) = flash {
             let mut store = Store::open(flash).await;
             self.boots = store.count_boot().await.unwrap_or(0);

@@ -6,7 +6,7 @@ use darm_core::wire::bootstrap;
 use darm_core::wire::message::{Answer, Image, ImageKind, Refusal};
 use embedded_storage_async::nor_flash::NorFlash;
 
-use super::Dispatcher;
+use super::{Dispatcher, Write};
 use crate::clock::Clock;
 
 impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
@@ -18,7 +18,8 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
             ImageKind::Profile if self.store()?.is_begun(image) || self.snapshot().await?.button => {}
             ImageKind::Profile => return Err(Refusal::NobodyPresent),
             ImageKind::Table if self.store()?.is_profile_lost() => return Err(Refusal::Storage),
-            ImageKind::Table => {}
+            ImageKind::Table if self.store()?.is_begun(image) => {}
+            ImageKind::Table => self.take_write(Write::Table)?,
         }
         let next = self.store()?.begin(image).await?;
         Ok(Answer::Upload { next })

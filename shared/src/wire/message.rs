@@ -367,6 +367,11 @@ pub enum Refusal {
         /// The challenge.
         challenge: u64,
     },
+    /// Each write wears the flash, and there were more than the board takes in this time.
+    TooSoon {
+        /// After this time the request is taken.
+        wait_ms: u32,
+    },
 }
 
 impl fmt::Display for Refusal {
@@ -406,6 +411,11 @@ impl fmt::Display for Refusal {
             Self::Challenge { .. } => {
                 f.write_str("another host connected or there was a stop at the same time; connect again")
             }
+            Self::TooSoon { wait_ms } => write!(
+                f,
+                "each write wears the flash, and there were too many of late; repeat it in {} s",
+                wait_ms.div_ceil(1000)
+            ),
             Self::NoPose => f.write_str("the pose has a number that is none, or is larger than a kilometre"),
         }
     }

@@ -14,6 +14,8 @@ fn what_has_come_since_changes_no_bytes_of_what_there_was() {
     let mut bytes = [0; 64];
     let refused = Reply { at: Micros(0), result: Err(Refusal::Storage) };
     assert_eq!(postcard::to_slice(&refused, &mut bytes).unwrap(), [0, 1, 12]);
+    let refused = Reply { at: Micros(0), result: Err(Refusal::TooSoon { wait_ms: 300 }) };
+    assert_eq!(postcard::to_slice(&refused, &mut bytes).unwrap(), [0, 1, 17, 0xac, 2]);
 }
 
 #[test]
