@@ -18,7 +18,7 @@ mod button;
 mod order;
 
 use core::cell::Cell;
-use core::sync::atomic::{AtomicU32, Ordering};
+use core::sync::atomic::{AtomicI16, AtomicU16, AtomicU32, Ordering};
 
 use darm_core::duty::{DutyMeters, MeterLimit};
 use darm_core::output::{MAX_SERVOS, ServoWiring};
@@ -32,6 +32,7 @@ use darm_core::wire::message::OutputState;
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 
+use crate::hardware::Converted;
 use crate::inputs::InputLog;
 use crate::ring::Ring;
 use button::Button;
@@ -80,7 +81,12 @@ pub struct Inputs {
     pub enable_stuck: Option<EnableLevel>,
     /// What the far end of the output chain shows.
     pub far_end: FarEnd,
+    /// Supply of the board where a measurement has ended since the tick before, mV; 0 where it gave nothing.
+    pub supply_mv: Option<u16>,
 }
+
+/// No temperature is known.
+const NO_CELSIUS: i16 = i16::MIN;
 
 type Raw = CriticalSectionRawMutex;
 
@@ -102,6 +108,9 @@ pub struct Shared<'t> {
     servos_unanswered: AtomicU32,
     /// Times that the output chain returned something else than was shifted into it.
     chain_errors: AtomicU32,
+    /// Supply of the board, mV, 0 where it is not measured; temperature of the chip.
+    supply_mv: AtomicU16,
+    chip_celsius: AtomicI16,
 }
 
 impl<'t> Shared<'t> {
@@ -120,6 +129,8 @@ impl<'t> Shared<'t> {
             stops_done: AtomicU32::new(0),
             servos_unanswered: AtomicU32::new(0),
             chain_errors: AtomicU32::new(0),
+            supply_mv: AtomicU16::new(0),
+            chip_celsius: AtomicI16::new(NO_CELSIUS),
         }
     }
 
@@ -190,6 +201,26 @@ impl<'t> Shared<'t> {
     /// Sets that number. From the control tick only.
     pub fn set_chain_errors(&self, errors: u32) {
         self.chain_errors.store(errors, Ordering::Relaxed);
+    }
+
+    /// Supply of the board, mV, where it is measured.
+    pub fn supply_mv(&self) -> Option<u16> {
+        Some(self.supply_mv.load(Ordering::Relaxed)).filter(|mv| *mv > 0)
+    }
+
+    /// Temperature of the chip, °C, where it is measured.
+    pub fn chip_celsius(&self) -> Option<i16> {
+        Some(self.chip_celsius.load(Ordering::Relaxed)).filter(|celsius| *celsius != NO_CELSIUS)
+    }
+
+    /// Takes in what the converter gave. From the control tick only.
+    pub(crate) fn see_converted(&self, converted: Converted) {
+        match converted {
+            Converted::SupplyMv(mv) => self.supply_mv.store(mv, Ordering::Relaxed),
+            Converted::ChipCelsius(celsius) => {
+                self.chip_celsius.store(celsius.unwrap_or(NO_CELSIUS), Ordering::Relaxed)
+            }
+        }
     }
 
     /// Number of requested stops.
@@ -265,6 +296,7 @@ impl<'t> Control<'t> {
         self.seen.switches = inputs.switches;
         self.seen.chain_broken = inputs.chain_broken;
         (self.seen.enable_stuck, self.seen.far_end) = (inputs.enable_stuck, inputs.far_end);
+        self.seen.supply_mv = inputs.supply_mv;
         self.button.look(now, inputs.button);
         self.now = now;
         let stops = shared.stops();

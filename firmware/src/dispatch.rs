@@ -174,6 +174,11 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
         self.profile
     }
 
+    #[cfg(test)]
+    pub(crate) fn put_in_force(&mut self, profile: &'t Profile) {
+        self.profile = profile;
+    }
+
     /// Whether the board has verifiably never had a profile, and the limits that are built in are in force.
     pub fn is_built_in(&self) -> bool {
         core::ptr::eq(self.profile, &BUILT_IN)

@@ -71,7 +71,7 @@ pub trait Hardware: Sized + 'static {
         Self::LINES
     }
 
-    /// What it reports of itself; the library adds what the tasks count.
+    /// What it reports of itself; the library adds what the tasks count, and what [`Pins::convert`] gives.
     fn health() -> Health {
         Health::default()
     }
@@ -102,10 +102,26 @@ pub trait Hardware: Sized + 'static {
     fn kept() -> &'static Kept;
 }
 
+/// What the converter of a board gave.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Converted {
+    /// Supply of the board, mV; 0 where it gave nothing.
+    SupplyMv(u16),
+    /// Temperature of the chip.
+    ChipCelsius(Option<i16>),
+}
+
 /// The pins of the control tick.
 pub trait Pins: Chain {
     /// Switches and button as they are now.
     fn inputs(&self) -> Inputs;
+
+    /// Takes what the converter has finished since the last call, and begins the next one of its conversions, of supply and
+    /// temperature in turn. Each 5 ms, from the control tick alone: it never waits. A board without a converter gives nothing, and
+    /// refuses a profile with a threshold of the supply.
+    fn convert(&mut self) -> Option<Converted> {
+        None
+    }
 
     /// Drives the pulse to a camera. Never called unless the profile has one; until then its pin is no output.
     fn set_sync(&mut self, _high: bool) {}

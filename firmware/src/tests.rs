@@ -41,6 +41,8 @@ struct Bench {
     stuck: Cell<Option<u32>>,
     /// A person holds the button.
     button: Cell<bool>,
+    /// Supply that the converter gives in the next tick, mV.
+    supply_mv: Cell<Option<u16>>,
     /// When a stop comes that goes past the dispatcher, us.
     stop_at: Cell<Option<u64>>,
     dispatcher: RefCell<Option<OnBench>>,
@@ -76,6 +78,7 @@ impl Bench {
             outputs: Cell::default(),
             stuck: Cell::default(),
             button: Cell::default(),
+            supply_mv: Cell::default(),
             stop_at: Cell::default(),
             dispatcher: RefCell::default(),
             number: Cell::new(0),
@@ -99,7 +102,8 @@ impl Bench {
             self.shared.stop();
         }
         let switches = self.stuck.get().unwrap_or(self.outputs.get().lines as u32);
-        let inputs = Inputs { switches, button: self.button.get(), ..Inputs::default() };
+        let (button, supply_mv) = (self.button.get(), self.supply_mv.take());
+        let inputs = Inputs { switches, button, supply_mv, ..Inputs::default() };
         self.outputs.set(self.control.borrow_mut().tick(Micros(now), Micros(now), inputs, self.shared));
     }
 

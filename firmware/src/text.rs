@@ -155,9 +155,14 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
         say(out, format_args!("up {}, latest tick {} us late", self.clock.now(), now.worst_lateness.0)).await
     }
 
-    /// How much is in use of the processor and of its stack, where the board knows.
+    /// The supply, and how much is in use of the processor and of its stack, where the board knows.
     async fn say_load<W: Write>(&mut self, out: &mut W) -> Result<(), W::Error> {
-        let Health { load_permille, stack, .. } = self.health();
+        let Health { load_permille, stack, supply_mv, min_supply_mv, .. } = self.health();
+        match (supply_mv, min_supply_mv) {
+            (Some(mv), Some(min_mv)) => say(out, format_args!("supply {mv} mV, at least {min_mv} mV")).await?,
+            (Some(mv), None) => say(out, format_args!("supply {mv} mV")).await?,
+            (None, _) => {}
+        }
         if let Some(load) = load_permille {
             say(out, format_args!("load {}.{} % of the last second", load / 10, load % 10)).await?;
         }
@@ -194,6 +199,9 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
         if let Some(EmergencyStop { input, opens }) = profile.emergency_stop {
             let pressed = if opens { "open" } else { "closed" };
             say(out, format_args!("emergency stop: input {input}, pressed when {pressed}")).await?;
+        }
+        if let Some(mv) = profile.min_supply_mv {
+            say(out, format_args!("supply of the board: at least {mv} mV")).await?;
         }
         for (number, output) in profile.outputs.iter().enumerate() {
             if let Some(output) = output {

@@ -9,9 +9,12 @@ use darm_core::units::Micros;
 
 use crate::control::{Control, Shared};
 use crate::crash;
-use crate::hardware::{Hardware, Pins};
+use crate::hardware::{Converted, Hardware, Pins};
 use crate::life::{Pulse, STEADY, Task, Watch};
 use crate::solenoid::Solenoids;
+
+/// Ticks from one conversion to the next: supply and temperature take turns, so each is measured every 10 ms.
+const CONVERSION_TICKS: u8 = 5;
 
 /// What the control tick owns.
 pub struct Ticker<'t, P> {
@@ -22,6 +25,8 @@ pub struct Ticker<'t, P> {
     sync: bool,
     /// The start has run for [`STEADY`].
     steady: bool,
+    /// Ticks until the next conversion.
+    until_conversion: u8,
 }
 
 /// What is to be done after a tick.
@@ -38,8 +43,14 @@ pub enum Care {
 impl<'t, P: Pins> Ticker<'t, P> {
     /// Takes the pins, outputs disabled. `used` is what memory has kept of how long each output was on.
     pub fn new(now: Micros, pins: P, used: &'t mut DutyMeters, shared: &Shared<'t>) -> Self {
-        let solenoids = Solenoids::new(pins);
-        Self { control: Control::new(now, shared, used), solenoids, watch: Watch::new(now), sync: false, steady: false }
+        Self {
+            control: Control::new(now, shared, used),
+            solenoids: Solenoids::new(pins),
+            watch: Watch::new(now),
+            sync: false,
+            steady: false,
+            until_conversion: 0,
+        }
     }
 
     /// One tick of a board, which was due at `due`; what the outputs are until the next one.
@@ -74,6 +85,7 @@ impl<'t, P: Pins> Ticker<'t, P> {
         let mut inputs = self.solenoids.chain().inputs();
         inputs.chain_broken = self.solenoids.is_broken();
         (inputs.enable_stuck, inputs.far_end) = (self.solenoids.enable_stuck(), self.solenoids.far_end());
+        inputs.supply_mv = self.measure(shared);
         let outputs = self.control.tick(now, due, inputs, shared);
         self.solenoids.set_busy(self.control.has_obeyed());
         self.solenoids.apply(outputs.lines, outputs.enabled);
@@ -84,6 +96,21 @@ impl<'t, P: Pins> Ticker<'t, P> {
         }
         shared.set_chain_errors(self.solenoids.errors());
         (outputs, self.look_after(now, pulses))
+    }
+
+    /// The supply, where a measurement of it has ended.
+    fn measure(&mut self, shared: &Shared<'t>) -> Option<u16> {
+        if let Some(until) = self.until_conversion.checked_sub(1) {
+            self.until_conversion = until;
+            return None;
+        }
+        self.until_conversion = const { CONVERSION_TICKS - 1 };
+        let converted = self.solenoids.chain_mut().convert()?;
+        shared.see_converted(converted);
+        match converted {
+            Converted::SupplyMv(mv) => Some(mv),
+            Converted::ChipCelsius(_) => None,
+        }
     }
 
     fn look_after(&mut self, now: Micros, pulses: &[Pulse; Task::ALL.len()]) -> Care {
@@ -104,7 +131,7 @@ mod tests {
 
     use super::{Care, STEADY, Ticker};
     use crate::control::{Inputs, Shared, TICK};
-    use crate::hardware::Pins;
+    use crate::hardware::{Converted, Pins};
     use crate::life::{Pulse, SILENCE_LIMIT, Task};
     use crate::solenoid::Chain;
 
@@ -124,6 +151,49 @@ mod tests {
         fn inputs(&self) -> Inputs {
             Inputs::default()
         }
+    }
+
+    /// Pins whose converter gives these supplies and temperatures in turn.
+    struct Converter(Vec<Converted>);
+
+    impl Chain for Converter {
+        fn shift(&mut self, _: u64) {}
+
+        fn set_enabled(&mut self, _: bool) {}
+
+        fn reads_disabled(&mut self) -> Option<bool> {
+            None
+        }
+    }
+
+    impl Pins for Converter {
+        fn inputs(&self) -> Inputs {
+            Inputs::default()
+        }
+
+        fn convert(&mut self) -> Option<Converted> {
+            self.0.pop()
+        }
+    }
+
+    #[test]
+    fn the_supply_is_measured_every_10_ms_and_reported_with_the_temperature() {
+        let shared = Shared::new();
+        let (warm, low) = (Converted::ChipCelsius(Some(31)), Converted::SupplyMv(4_400));
+        let given = [low, warm, low, warm, Converted::SupplyMv(5_000)];
+        let mut used = Box::default();
+        let mut ticker = Ticker::new(Micros(0), Converter(given.to_vec()), &mut used, &shared);
+        let mut supplies = Vec::new();
+        for millis in 1..=25 {
+            let now = Micros::from_millis(millis);
+            supplies.extend(ticker.measure(&shared).map(|mv| (millis, mv)));
+            ticker.control.tick(now, now, Inputs::default(), &shared);
+            if millis == 10 {
+                assert_eq!((shared.supply_mv(), shared.chip_celsius()), (Some(5_000), Some(31)));
+            }
+        }
+        assert_eq!(supplies, [(1, 5_000), (11, 4_400), (21, 4_400)]);
+        assert_eq!(shared.supply_mv(), Some(4_400));
     }
 
     /// What is to be done after each tick up to a time, where the first task reports and the second one until then.

@@ -4,7 +4,7 @@
 //! An output is what feeds one coil: its lines, its limits and, where there is one, the input of its limit switch.
 //!
 //! A profile travels and is stored as a list of [`ProfileRecord`]s in a fixed order: `Start`, `Board` where it says something
-//! of it, `Sync` where a camera gets a pulse, the outputs by number, the servos in their order along the arm, `End`. A board without a profile has [`BUILT_IN`].
+//! of it, `Sync` where a camera gets a pulse, `MinSupply` where the board's supply has a threshold, the outputs by number, the servos in their order along the arm, `End`. A board without a profile has [`BUILT_IN`].
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::arithmetic_side_effects, clippy::unwrap_used))]
 
 mod error;
@@ -103,6 +103,10 @@ impl BoardWiring {
     }
 }
 
+/// Lowest and highest threshold of a board's supply, mV: from the lowest supply of the STM32L475's converter (DS10969, "Analog-to-digital
+/// converter characteristics") to the highest one at VSYS of the Pico (Pico data sheet, 4.4).
+pub const MIN_SUPPLY_MV: [u16; 2] = [1_620, 5_500];
+
 /// Everything that is wired to one board.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Profile {
@@ -118,6 +122,8 @@ pub struct Profile {
     pub board: BoardWiring,
     /// A camera gets a pulse at each row.
     pub sync: bool,
+    /// Below this supply of the board the safe state is latched, mV.
+    pub min_supply_mv: Option<u16>,
     /// SHA-256 of its records as they are stored; zeros for [`BUILT_IN`].
     pub digest: Digest,
 }
@@ -151,7 +157,16 @@ impl Profile {
     const fn with_outputs(outputs: [Option<Output>; MAX_COILS]) -> Self {
         let supply = SwitchLimit { new_coils: 1, window_ms: 10 };
         let (board, digest) = (BoardWiring::ANY, Digest([0; 32]));
-        Self { outputs, servos: heapless::Vec::new(), supply, emergency_stop: None, board, sync: false, digest }
+        Self {
+            outputs,
+            servos: heapless::Vec::new(),
+            supply,
+            emergency_stop: None,
+            board,
+            sync: false,
+            min_supply_mv: None,
+            digest,
+        }
     }
 
     /// The profile that allows just this wiring.
@@ -187,7 +202,9 @@ impl Profile {
         let servos = self.servos.iter().map(|servo| ProfileRecord::Servo(*servo));
         let board = Some(self.board).filter(|board| *board != BoardWiring::ANY).map(ProfileRecord::Board);
         let sync = self.sync.then_some(ProfileRecord::Sync);
-        core::iter::once(start).chain(board).chain(sync).chain(outputs).chain(servos).chain([ProfileRecord::End])
+        let min_supply = self.min_supply_mv.map(|mv| ProfileRecord::MinSupply { mv });
+        let settings = core::iter::once(start).chain(board).chain(sync).chain(min_supply);
+        settings.chain(outputs).chain(servos).chain([ProfileRecord::End])
     }
 
     /// Refuses a profile that the board could not run safely.
@@ -196,8 +213,13 @@ impl Profile {
     ///
     /// [`ProfileError::Wiring`]: a line or input is missing or used twice, or a limit bounds nothing.
     /// [`ProfileError::ChainLength`], [`ProfileError::ChainLine`]: the chain has no such length, or ends before a line.
+    /// [`ProfileError::MinSupply`]: no board measures such a supply.
     pub fn check(&self) -> Result<(), ProfileError> {
         self.board.check()?;
+        let [lowest, highest] = MIN_SUPPLY_MV;
+        if let Some(mv) = self.min_supply_mv.filter(|mv| !(lowest..=highest).contains(mv)) {
+            return Err(ProfileError::MinSupply { mv });
+        }
         self.outputs.iter().flatten().try_for_each(|output| self.board.check_drive(&output.drive))?;
         self.check_as_wiring().map_err(ProfileError::Wiring)
     }
@@ -293,6 +315,12 @@ pub enum ProfileRecord {
     Board(BoardWiring),
     /// Behind `Start` and `Board`: a camera gets a pulse at each row. Firmware from before this record refuses it.
     Sync,
+    /// Behind `Start`, `Board` and `Sync`: below this supply of the board the safe state is latched. Firmware from before this record
+    /// refuses it.
+    MinSupply {
+        /// The threshold, mV.
+        mv: u16,
+    },
 }
 
 /// Fills a [`Profile`] from its records. Nothing of an incomplete profile can be taken.
@@ -325,13 +353,17 @@ impl ProfileReader {
                 Self::Open { next: Some(0) }
             }
             (Self::Open { next: Some(0) }, ProfileRecord::Board(board))
-                if profile.board == BoardWiring::ANY && !profile.sync =>
+                if profile.board == BoardWiring::ANY && !profile.sync && profile.min_supply_mv.is_none() =>
             {
                 profile.board = *board;
                 Self::Open { next: Some(0) }
             }
-            (Self::Open { next: Some(0) }, ProfileRecord::Sync) if !profile.sync => {
+            (Self::Open { next: Some(0) }, ProfileRecord::Sync) if !profile.sync && profile.min_supply_mv.is_none() => {
                 profile.sync = true;
+                Self::Open { next: Some(0) }
+            }
+            (Self::Open { next: Some(0) }, ProfileRecord::MinSupply { mv }) if profile.min_supply_mv.is_none() => {
+                profile.min_supply_mv = Some(*mv);
                 Self::Open { next: Some(0) }
             }
             (Self::Open { next: Some(next) }, ProfileRecord::Output { number, output }) if *number >= next => {

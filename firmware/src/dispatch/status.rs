@@ -30,7 +30,14 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
     pub(crate) fn health(&self) -> Health {
         let health = (self.board.health)();
         let chain = health.chain.map(|chain| ChainHealth { errors: self.shared.chain_errors(), ..chain });
-        Health { chain, servos_unanswered: self.shared.servos_unanswered(), ..health }
+        Health {
+            chain,
+            servos_unanswered: self.shared.servos_unanswered(),
+            supply_mv: self.shared.supply_mv(),
+            chip_celsius: self.shared.chip_celsius(),
+            min_supply_mv: self.profile.min_supply_mv,
+            ..health
+        }
     }
 
     pub(crate) async fn snapshot(&self) -> Result<Snapshot, Refusal> {

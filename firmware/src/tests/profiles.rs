@@ -4,14 +4,16 @@ use darm_core::output::{Drive, SwitchLimit};
 use darm_core::profile::{
     B_L475E_IOT01A, BUILT_IN, BoardWiring, Mismatch, Output, PICO, PinTable, Profile, ProfileError, Shortage,
 };
-use darm_core::sequencer::{Command, CommandError};
+use darm_core::sequencer::{Command, CommandError, FaultKind, Phase};
 use darm_core::table::TableError;
 use darm_core::wire::bootstrap;
 use darm_core::wire::frame::Header;
 use darm_core::wire::message::{Answer, Refusal, Request};
 
-use super::fakes::{Cells, profile, profile_image, table};
+use super::fakes::{Cells, profile, profile_image, run, table};
 use super::{Bench, hello, loaded};
+use crate::control::Order;
+use crate::hardware::Converted;
 
 #[test]
 fn a_profile_is_written_only_while_a_person_holds_the_button() {
@@ -143,6 +145,44 @@ fn a_profile_for_other_pins_or_for_a_longer_chain_is_refused_and_drives_nothing(
     assert_eq!(bench.upload(&made_for(Some(3), &PICO)), refused(Shortage::Chips { chips: 3, lines: 16 }));
     assert_eq!(hello(&bench).profile, profile_image(&profile()).0.digest);
     assert_eq!(bench.upload(&made_for(Some(2), &PICO)), Ok(Answer::Done));
+}
+
+#[test]
+fn a_threshold_of_the_supply_is_refused_by_a_board_that_does_not_measure_it() {
+    let bench = Bench::new(Cells::with_profile());
+    bench.connect();
+    bench.button.set(true);
+    let with = |mv| profile_image(&Profile { min_supply_mv: Some(mv), ..profile() });
+    let refused = |mv, measured_mv| Err(Refusal::Profile(ProfileError::Board(Shortage::Supply { mv, measured_mv })));
+    assert_eq!(bench.upload(&with(4_500)), refused(4_500, None));
+    bench.dispatcher.borrow_mut().as_mut().unwrap().board.caps.board = "Pico".try_into().unwrap();
+    assert_eq!(bench.upload(&with(1_700)), refused(1_700, Some([1_800, 5_500])));
+    assert_eq!(bench.upload(&with(4_500)), Ok(Answer::Done));
+}
+
+#[test]
+fn a_low_supply_latches_the_safe_state_and_both_languages_report_it_with_the_threshold() {
+    let pico = Profile { min_supply_mv: Some(4_500), ..profile() };
+    let bench = Bench::new(Cells::with_profile());
+    bench.connect();
+    let profile: &'static Profile = Box::leak(Box::new(pico));
+    bench.dispatcher.borrow_mut().as_mut().unwrap().put_in_force(profile);
+    run(bench.shared.ask(Order::Configure(profile)), || bench.tick());
+    let measure = |mv| {
+        bench.shared.see_converted(Converted::SupplyMv(mv));
+        bench.supply_mv.set(Some(mv));
+        bench.pass_ms(10);
+    };
+    (0..4).for_each(|_| measure(4_400));
+    assert_eq!(bench.status().phase, Phase::Idle);
+    measure(4_400);
+    let Phase::Safe(fault) = bench.status().phase else { panic!("not safe") };
+    assert_eq!(fault.kind, FaultKind::Supply { mv: 4_400, min_mv: 4_500 });
+    let Ok(Answer::Health(health)) = bench.ask(Request::Health) else { panic!("no health") };
+    assert_eq!((health.supply_mv, health.min_supply_mv), (Some(4_400), Some(4_500)));
+    let text = bench.type_line("status");
+    assert!(text.contains("the supply of the board fell to 4400 mV, below the profile's 4500 mV"), "{text}");
+    assert!(text.contains("supply 4400 mV, at least 4500 mV"), "{text}");
 }
 
 #[test]

@@ -111,11 +111,14 @@ function showFacts(board) {
     ...(board.supply ? [['supply', supplyText(board.supply)]] : []),
   ]);
   const { quality } = board;
+  const least = quality.min_supply_v === null ? '' : `, at least ${quality.min_supply_v.toFixed(2)} V`;
+  const supply = quality.supply_v === null ? 'not measured' : `${quality.supply_v.toFixed(2)} V`;
   setFacts(byId('quality'), [
     ['round trip', seconds(quality.round_trip_s)],
     ['frames sent', `${quality.sent}, again ${quality.again}`],
     ['damaged', `${quality.damaged} here, ${quality.bad_frames} at the board`],
     ['control tick', `at most ${seconds(quality.worst_lateness_s)} late`],
+    ['supply of the board', supply + least],
   ]);
 }
 

@@ -174,7 +174,8 @@ pub fn of_fault(fault: &FaultKind) -> Place {
         | FaultKind::Chain
         | FaultKind::OutputEnable
         | FaultKind::OutputEnableHigh
-        | FaultKind::FarEnd { .. } => Place::default(),
+        | FaultKind::FarEnd { .. }
+        | FaultKind::Supply { .. } => Place::default(),
     }
 }
 

@@ -209,6 +209,10 @@ pub struct QualityView {
     pub bad_frames: u32,
     /// Latest start of a control tick since the start of the board, s.
     pub worst_lateness_s: f64,
+    /// Supply of the board, V, where it is measured.
+    pub supply_v: Option<f64>,
+    /// The profile's threshold of it, V.
+    pub min_supply_v: Option<f64>,
 }
 
 /// Something that happened on the board.

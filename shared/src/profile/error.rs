@@ -4,7 +4,7 @@ use core::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::{LINES_PER_CHIP, MAX_CHIPS};
+use super::{LINES_PER_CHIP, MAX_CHIPS, MIN_SUPPLY_MV};
 use crate::output::WiringError;
 
 /// Why a profile is refused.
@@ -29,6 +29,11 @@ pub enum ProfileError {
         line: u8,
         /// Chips of the chain.
         chips: u8,
+    },
+    /// No board measures a supply like this threshold.
+    MinSupply {
+        /// The threshold, mV.
+        mv: u16,
     },
 }
 
@@ -65,6 +70,13 @@ pub enum Shortage {
     Pins,
     /// A pin for the pulse to a camera.
     Sync,
+    /// A measurement of its supply that reaches the threshold.
+    Supply {
+        /// The threshold, mV.
+        mv: u16,
+        /// Lowest and highest supply that it measures, mV; `None` where it measures none.
+        measured_mv: Option<[u16; 2]>,
+    },
 }
 
 impl fmt::Display for Shortage {
@@ -83,6 +95,13 @@ impl fmt::Display for Shortage {
             Self::Sync => f.write_str(
                 "the profile has a pulse to a camera, and the board no pin for it; take `sync` out of [pins]",
             ),
+            Self::Supply { measured_mv: None, .. } => f.write_str(
+                "the profile has a threshold of the supply, and the board measures none; take `min_board_supply_mv` out",
+            ),
+            Self::Supply { mv, measured_mv: Some([lowest, highest]) } => write!(
+                f,
+                "the threshold of the supply is {mv} mV, and the board measures {lowest} to {highest} mV; correct `min_board_supply_mv`"
+            ),
             Self::Pins => f.write_str("the profile is made for a board with other pins; correct `board`"),
         }
     }
@@ -96,6 +115,13 @@ impl fmt::Display for ProfileError {
             Self::Wiring(error) => error.fmt(f),
             Self::Board(shortage) => shortage.fmt(f),
             Self::ChainLength { chips } => write!(f, "a chain of {chips} chips is not possible; give 1 to {MAX_CHIPS}"),
+            Self::MinSupply { mv } => {
+                let [lowest, highest] = MIN_SUPPLY_MV;
+                write!(
+                    f,
+                    "min_board_supply_mv is {mv}; give {lowest} to {highest}, below what `darm status` prints as supply"
+                )
+            }
             Self::ChainLine { line, chips } => {
                 let last = chips.saturating_mul(LINES_PER_CHIP).saturating_sub(1);
                 write!(

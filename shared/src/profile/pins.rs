@@ -25,6 +25,8 @@ pub struct PinTable {
     pub button: &'static str,
     /// Inputs for limit switches, by number.
     pub inputs: &'static [&'static str],
+    /// Lowest and highest supply that the board measures of itself, mV.
+    pub supply_mv: [u16; 2],
 }
 
 /// The pins of the B-L475E-IOT01A.
@@ -39,6 +41,8 @@ pub const B_L475E_IOT01A: PinTable = PinTable {
     servo_bus: "PA2",
     button: "PC13",
     inputs: &["PC0", "PC1", "PC2", "PC3", "PC4", "PC5", "PB0", "PB1", "PB2", "PB4", "PB8", "PB9", "PD14"],
+    // VDDA, DS10969, "General operating conditions".
+    supply_mv: [1_620, 3_600],
 };
 
 /// The pins of the Raspberry Pi Pico.
@@ -53,6 +57,8 @@ pub const PICO: PinTable = PinTable {
     servo_bus: "GP0",
     button: "GP22",
     inputs: &["GP6", "GP7", "GP8", "GP9", "GP10", "GP11", "GP12", "GP13", "GP14", "GP15", "GP16", "GP17", "GP18"],
+    // VSYS, Pico data sheet, 4.4: over 3, in a converter that reads up to 3.3 V.
+    supply_mv: [1_800, 5_500],
 };
 
 /// All boards whose pins are proven.

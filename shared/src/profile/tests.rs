@@ -16,6 +16,7 @@ fn profile() -> Profile {
     profile.emergency_stop = Some(EmergencyStop { input: 12, opens: true });
     profile.board = BoardWiring { chips: Some(2), layout: Some(PICO.layout()) };
     profile.sync = true;
+    profile.min_supply_mv = Some(4_500);
     profile
 }
 
@@ -29,7 +30,7 @@ fn read(records: &[ProfileRecord]) -> Result<Profile, ProfileError> {
 fn a_profile_and_its_records_are_inverse() {
     let records: Vec<_> = profile().records().collect();
     assert_eq!(read(&records), Ok(profile()));
-    assert_eq!(records.len(), 7);
+    assert_eq!(records.len(), 8);
     let mut bytes = [0; 64];
     assert!(records.iter().all(|record| postcard::to_slice(record, &mut bytes).is_ok()));
 }
@@ -46,7 +47,7 @@ fn records_out_of_order_and_incomplete_profiles_are_refused() {
         ];
         assert_eq!(read(&some).is_ok(), !required.contains(&records[missing]), "without record {missing}");
     }
-    for first in [1, 2, 3] {
+    for first in [1, 2, 3, 4] {
         let mut swapped = records.clone();
         swapped.swap(first, first + 1);
         assert_eq!(read(&swapped), Err(ProfileError::Order));
@@ -100,8 +101,16 @@ fn the_record_of_the_board_has_golden_bytes_and_a_profile_without_it_has_the_for
     assert_eq!(postcard::to_slice(&record, &mut bytes).unwrap(), [4, 1, 2, 1, 0xac, 2]);
     assert_eq!(postcard::from_bytes::<ProfileRecord>(&[4, 1, 2, 1, 0xac, 2]), Ok(record));
     assert_eq!(postcard::to_slice(&ProfileRecord::Sync, &mut bytes).unwrap(), [5]);
-    let former = Profile { board: BoardWiring::ANY, sync: false, ..profile() };
-    assert!(former.records().all(|record| !matches!(record, ProfileRecord::Board(_) | ProfileRecord::Sync)));
+    let threshold = ProfileRecord::MinSupply { mv: 4_500 };
+    assert_eq!(postcard::to_slice(&threshold, &mut bytes).unwrap(), [6, 0x94, 0x23]);
+    assert_eq!(postcard::from_bytes::<ProfileRecord>(&[6, 0x94, 0x23]), Ok(threshold));
+    let former = Profile { board: BoardWiring::ANY, sync: false, min_supply_mv: None, ..profile() };
+    let bytes: Vec<u8> =
+        former.records().flat_map(|record| postcard::to_slice(&record, &mut [0; 64]).unwrap().to_vec()).collect();
+    assert_eq!((bytes[0], bytes.last()), (0, Some(&3)));
+    let is_new =
+        |record| matches!(record, ProfileRecord::Board(_) | ProfileRecord::Sync | ProfileRecord::MinSupply { .. });
+    assert!(!former.records().any(is_new));
 }
 
 #[test]
@@ -111,4 +120,13 @@ fn a_chain_has_one_to_eight_chips_and_no_line_beyond_its_end() {
     assert_eq!(with(1), Err(ProfileError::ChainLine { line: 9, chips: 1 }));
     assert_eq!((with(2), with(8)), (Ok(()), Ok(())));
     assert_eq!(with(9), Err(ProfileError::ChainLength { chips: 9 }));
+}
+
+#[test]
+fn a_threshold_of_the_supply_that_no_board_measures_is_refused() {
+    let with = |mv| Profile { min_supply_mv: Some(mv), ..profile() }.check();
+    assert_eq!((with(1_620), with(5_500)), (Ok(()), Ok(())));
+    for mv in [0, 1_619, 5_501] {
+        assert_eq!(with(mv), Err(ProfileError::MinSupply { mv }));
+    }
 }

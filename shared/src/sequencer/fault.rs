@@ -97,6 +97,13 @@ pub enum FaultKind {
         /// Index of the servo joint.
         servo: u8,
     },
+    /// The supply of the board was below the profile's threshold in five measurements in a row.
+    Supply {
+        /// What was measured last, mV; 0 where a measurement gave nothing.
+        mv: u16,
+        /// The threshold, mV.
+        min_mv: u16,
+    },
 }
 
 impl fmt::Display for Fault {
@@ -149,6 +156,14 @@ impl fmt::Display for FaultKind {
                 f,
                 "the far end of the output chain does not answer, and the profile has a chain of {expected} chips; check the \
                  chain's supply and the wire from Q7S of its last chip, or take `chips` out of the profile's [chain]"
+            ),
+            Self::Supply { mv: 0, .. } => f.write_str(
+                "the supply of the board is not measured, and the profile has a threshold; reset the board, or take \
+                 `min_board_supply_mv` out of the profile",
+            ),
+            Self::Supply { mv, min_mv } => write!(
+                f,
+                "the supply of the board fell to {mv} mV, below the profile's {min_mv} mV; check its power supply and cable"
             ),
             Self::FarEnd { expected, counted } => write!(
                 f,

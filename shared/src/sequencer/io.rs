@@ -20,6 +20,8 @@ pub struct Seen {
     pub enable_stuck: Option<EnableLevel>,
     /// What the far end of the chain shows.
     pub far_end: FarEnd,
+    /// Supply of the board where it was measured since the tick before, mV; 0 where a measurement gave nothing.
+    pub supply_mv: Option<u16>,
 }
 
 /// A level of output enable, which is active low.

@@ -19,6 +19,7 @@ mod limits;
 mod meters;
 mod programs;
 mod servos;
+mod supply;
 mod switches;
 
 const MS: u64 = 1000;

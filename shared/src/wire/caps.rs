@@ -60,6 +60,11 @@ impl Caps {
         if profile.sync && table.is_none_or(|table| table.sync.is_empty()) {
             return missing(Shortage::Sync);
         }
+        let measured_mv = table.map(|table| table.supply_mv);
+        let is_measured = |mv: &u16| measured_mv.is_some_and(|[lowest, highest]| (lowest..=highest).contains(mv));
+        if let Some(mv) = profile.min_supply_mv.filter(|mv| !is_measured(mv)) {
+            return missing(Shortage::Supply { mv, measured_mv });
+        }
         let is_counted = usize::from(self.lines) < MAX_LINES;
         if let Some(chips) =
             profile.board.chips.filter(|chips| is_counted && chips.saturating_mul(LINES_PER_CHIP) != self.lines)
@@ -141,6 +146,11 @@ mod tests {
         let with_sync = Profile { sync: true, ..with(None, None) };
         assert_eq!(pico.check(&with_sync), Ok(()));
         assert_eq!(caps().check(&with_sync), Err(ProfileError::Board(Shortage::Sync)));
+        let with_threshold = |mv| Profile { min_supply_mv: Some(mv), ..with(None, None) };
+        assert_eq!(pico.check(&with_threshold(4_500)), Ok(()));
+        let shortage = |mv, measured_mv| Err(ProfileError::Board(Shortage::Supply { mv, measured_mv }));
+        assert_eq!(pico.check(&with_threshold(1_799)), shortage(1_799, Some([1_800, 5_500])));
+        assert_eq!(caps().check(&with_threshold(4_500)), shortage(4_500, None), "it measures nothing");
         let uncounted = Caps { lines: 64, ..pico.clone() };
         assert_eq!(uncounted.check(&with(Some(3), None)), Ok(()));
         for (caps, layout) in [(&pico, B_L475E_IOT01A.layout()), (&caps(), PICO.layout())] {

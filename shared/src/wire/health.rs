@@ -34,6 +34,8 @@ pub struct Health {
     pub supply_mv: Option<u16>,
     /// Temperature of the chip, °C.
     pub chip_celsius: Option<i16>,
+    /// The profile's threshold of that supply, mV: below it the safe state is latched.
+    pub min_supply_mv: Option<u16>,
 }
 
 /// Words of the flash whose error check failed.
@@ -166,6 +168,7 @@ mod tests {
             stack: Some(StackUse { used: 9, size: 13 }),
             supply_mv: Some(3300),
             chip_celsius: Some(-2),
+            min_supply_mv: Some(2900),
         }
     }
 
@@ -176,14 +179,14 @@ mod tests {
         let reply = Reply { at: Micros(5), result: Ok(Answer::Health(health())) };
         let encoded = postcard::to_slice(&reply, &mut bytes).unwrap();
         let known = [5, 0, 9, 1, 2, 1, 1, 1, 1, 2, 3, 4, 1, 5, 6, 7, 0xac, 2, 9, 1, 10, 11, 1, 2, 12, 1, 0xf0, 0x15];
-        assert_eq!(encoded, [&known[..], &[1, 0, 1, 0xac, 2, 1, 9, 13, 1, 0xe4, 0x19, 1, 3]].concat());
+        assert_eq!(encoded, [&known[..], &[1, 0, 1, 0xac, 2, 1, 9, 13, 1, 0xe4, 0x19, 1, 3, 1, 0xd4, 0x16]].concat());
         assert_eq!(postcard::from_bytes::<Reply>(encoded), Ok(reply));
     }
 
     #[test]
     fn a_board_that_knows_nothing_sends_zeros() {
         let mut bytes = [0xa5; 64];
-        assert_eq!(postcard::to_slice(&Health::default(), &mut bytes).unwrap(), [0; 12]);
+        assert_eq!(postcard::to_slice(&Health::default(), &mut bytes).unwrap(), [0; 13]);
     }
 
     #[test]

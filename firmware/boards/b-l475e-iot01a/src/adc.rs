@@ -7,6 +7,7 @@
 //! reference gives r and the sensor s:
 //!
 //! supply = 3.0 V · c₀ / r,  T = 30 °C + 80 °C · (s · supply / 3.0 V − c₁) / (c₂ − c₁)
+use darm_firmware::hardware::Converted;
 use stm32_metapac::adc::vals::SampleTime;
 use stm32_metapac::{ADC1, ADC123_COMMON, RCC};
 
@@ -25,27 +26,18 @@ const CYCLES_PER_US: u32 = HCLK_HZ / 1_000_000;
 const REGULATOR_US: u32 = 20;
 /// Start of the sensor, the slower of the two (DS10969, `t_START`).
 const SENSOR_US: u32 = 120;
-/// Longest wait for a flag. A conversion takes 33 µs, a calibration 6 µs.
+/// Longest wait for a flag. A calibration takes 6 µs.
 const LONGEST_US: u32 = 200;
 /// Supply at which the factory measured, mV.
 const FACTORY_MV: u32 = 3_000;
 
 /// What the factory converted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Factory {
     /// The reference, at 30 °C.
     pub reference: u16,
     /// The sensor at 30 °C and at 110 °C.
     pub sensor: [u16; 2],
-}
-
-/// Supply and temperature.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Measured {
-    /// Supply of the chip, mV.
-    pub supply_mv: Option<u16>,
-    /// Its temperature, °C.
-    pub celsius: Option<i16>,
 }
 
 /// Powers the converter, calibrates and enables it. Once, at the clock of [`HCLK_HZ`]; whether it is ready. RM0351, 18.4.6,
@@ -76,21 +68,48 @@ pub fn start() -> bool {
     holds(|| bus::read(ADC1.isr()).adrdy())
 }
 
-/// Measures, in 70 µs. From the console alone.
-pub fn measure(factory: &Factory) -> Measured {
-    let supply_mv = convert(REFERENCE).and_then(|code| supply_mv(code, factory));
-    let celsius = supply_mv.zip(convert(SENSOR)).and_then(|(supply_mv, code)| celsius(code, supply_mv, factory));
-    Measured { supply_mv, celsius }
+/// The two conversions in turn: the control tick fetches what it began 5 ms before. A conversion takes 33 µs.
+pub struct Converter {
+    factory: Factory,
+    /// The channel whose conversion was begun; `None` before the first one.
+    channel: Option<u8>,
+    /// Supply that was measured last, mV; 0 where the converter gave nothing.
+    supply_mv: u16,
 }
 
-fn convert(channel: u8) -> Option<u32> {
-    if !bus::read(ADC1.cr()).aden() {
-        return None;
+impl Converter {
+    /// Nothing begun. With the values of the factory.
+    pub const fn new(factory: Factory) -> Self {
+        Self { factory, channel: None, supply_mv: 0 }
     }
-    bus::write(ADC1.sqr1(), |w| w.set_sq(0, channel));
-    bus::modify(ADC1.cr(), |w| w.set_adstart(true));
-    // Reading the value ends the flag (RM0351, 18.6.1).
-    holds(|| bus::read(ADC1.isr()).eoc()).then(|| u32::from(bus::read(ADC1.dr()).regular_data()))
+
+    /// Fetches what was begun by the call before, and begins the next conversion.
+    pub fn convert(&mut self) -> Option<Converted> {
+        let code = fetch();
+        let before = self.channel.replace(if self.channel == Some(REFERENCE) { SENSOR } else { REFERENCE });
+        begin(self.channel.unwrap_or(REFERENCE));
+        Some(match before? {
+            REFERENCE => {
+                self.supply_mv = code.and_then(|code| supply_mv(code, &self.factory)).unwrap_or(0);
+                Converted::SupplyMv(self.supply_mv)
+            }
+            _ => Converted::ChipCelsius(code.and_then(|code| celsius(code, self.supply_mv, &self.factory))),
+        })
+    }
+}
+
+/// Nothing where the converter has not started, or is still at work.
+fn begin(channel: u8) {
+    let control = bus::read(ADC1.cr());
+    if control.aden() && !control.adstart() {
+        bus::write(ADC1.sqr1(), |w| w.set_sq(0, channel));
+        bus::modify(ADC1.cr(), |w| w.set_adstart(true));
+    }
+}
+
+/// Reading the value ends the flag (RM0351, 18.6.1).
+fn fetch() -> Option<u32> {
+    bus::read(ADC1.isr()).eoc().then(|| u32::from(bus::read(ADC1.dr()).regular_data()))
 }
 
 fn supply_mv(code: u32, factory: &Factory) -> Option<u16> {
@@ -98,6 +117,9 @@ fn supply_mv(code: u32, factory: &Factory) -> Option<u16> {
 }
 
 fn celsius(code: u32, supply_mv: u16, factory: &Factory) -> Option<i16> {
+    if supply_mv == 0 {
+        return None;
+    }
     let [at_30, at_110] = factory.sensor.map(i32::from);
     let at_factory = (code * u32::from(supply_mv) / FACTORY_MV) as i32;
     let above = (80 * (at_factory - at_30)).checked_div(at_110 - at_30)?;

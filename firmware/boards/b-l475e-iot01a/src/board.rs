@@ -8,7 +8,7 @@ use darm_core::wire::health::{ChainHealth, ClockSource, FlashErrors, Health, Lin
 use darm_firmware::control::Inputs;
 use darm_firmware::cortex;
 use darm_firmware::crash::Kept;
-use darm_firmware::hardware::{Hardware, Pins};
+use darm_firmware::hardware::{Converted, Hardware, Pins};
 use darm_firmware::solenoid::{self, Chain, ReadBack};
 use embedded_hal::digital::OutputPin as _;
 use stm32_metapac::{Interrupt, UID};
@@ -62,7 +62,6 @@ impl Hardware for Board {
 
     fn health() -> Health {
         let (damaged, _) = bank2::double_errors();
-        let adc::Measured { supply_mv, celsius } = measured();
         Health {
             clock: (!emulated()).then(clock_source),
             reset: reset_cause(),
@@ -71,8 +70,6 @@ impl Hardware for Board {
             flash: Some(FlashErrors { corrected: bank2::corrected_errors(), damaged }),
             chain: chips().map(|chips| ChainHealth { chips, errors: 0 }),
             options: (!emulated()).then(options::read),
-            supply_mv,
-            chip_celsius: celsius,
             ..cortex::health()
         }
     }
@@ -133,11 +130,6 @@ fn reset_cause() -> Option<ResetCause> {
     CAUSES.get(usize::from(CAUSE.load(Ordering::Relaxed)).wrapping_sub(1)).copied()
 }
 
-/// QEMU has no converter.
-fn measured() -> adc::Measured {
-    if emulated() { adc::Measured::default() } else { adc::measure(&adc::factory()) }
-}
-
 fn clock_source() -> ClockSource {
     match clocks::source() {
         clocks::Source::Crystal => ClockSource::Crystal,
@@ -164,6 +156,8 @@ pub struct BoardPins {
     /// An output from the first pulse on.
     sync: Option<Sync>,
     switches: Switches,
+    /// QEMU has none: there a profile with a threshold of the supply latches the safe state.
+    converter: Option<adc::Converter>,
 }
 
 impl BoardPins {
@@ -177,7 +171,8 @@ impl BoardPins {
         };
         let chain = ReadBack::new(pins, ChainEnd::new());
         note_chips(&chain);
-        Self { chain, sync: None, switches: Switches::new() }
+        let converter = (!emulated()).then(|| adc::Converter::new(adc::factory()));
+        Self { chain, sync: None, switches: Switches::new(), converter }
     }
 }
 
@@ -221,6 +216,10 @@ impl Pins for BoardPins {
     #[inline(always)]
     fn inputs(&self) -> Inputs {
         Inputs { switches: self.switches.read(), button: user_button_pressed(), ..Inputs::default() }
+    }
+
+    fn convert(&mut self) -> Option<Converted> {
+        self.converter.as_mut().map_or(Some(Converted::SupplyMv(0)), adc::Converter::convert)
     }
 
     fn set_sync(&mut self, high: bool) {

@@ -1,4 +1,4 @@
-//! Supply of the board and temperature of the chip, by the converter. RP2040 data sheet, 4.9; Pico data sheet, 4.4.
+//! Supply of the board and temperature of the chip, by the converter, in turn: the control tick fetches what it began 5 ms before. RP2040 data sheet, 4.9; Pico data sheet, 4.4.
 //!
 //! # Model
 //!
@@ -6,6 +6,7 @@
 //! degrees, and by 4 °C for each per cent that the 3.3 V are wrong.
 use core::ops::RangeInclusive;
 
+use darm_firmware::hardware::Converted;
 use embassy_rp::pac;
 
 /// Inputs of the converter: VSYS over 3, and the sensor of the chip.
@@ -13,8 +14,6 @@ const SUPPLY: u8 = 3;
 const SENSOR: u8 = 4;
 /// The pin of the first.
 const SUPPLY_PIN: usize = 29;
-/// A conversion takes 2 µs.
-const LOOKS: u32 = 10_000;
 /// Codes at which the sensor is plausible: 127 °C to −73 °C.
 const PLAUSIBLE: RangeInclusive<u32> = 662..=1090;
 
@@ -32,25 +31,40 @@ pub(crate) fn start() {
     });
 }
 
-/// One conversion; `None` where the converter does not answer or reports an error. From the console alone.
-fn convert(input: u8) -> Option<u32> {
-    let is_ready = || (0..LOOKS).any(|_| pac::ADC.cs().read().ready());
-    if !is_ready() {
-        return None;
+/// The two conversions in turn.
+#[derive(Default)]
+pub(crate) struct Converter {
+    /// The input whose conversion was begun; `None` before the first one.
+    input: Option<u8>,
+}
+
+impl Converter {
+    /// Fetches what was begun by the call before, and begins the next conversion, of 2 µs.
+    pub(crate) fn convert(&mut self) -> Option<Converted> {
+        let cs = pac::ADC.cs().read();
+        let code = (cs.ready() && !cs.err()).then(|| u32::from(pac::ADC.result().read().result()));
+        let before = self.input.replace(if self.input == Some(SUPPLY) { SENSOR } else { SUPPLY });
+        pac::ADC.cs().modify(|w| {
+            w.set_ainsel(self.input.unwrap_or(SUPPLY));
+            w.set_start_once(true);
+        });
+        Some(match before? {
+            SUPPLY => Converted::SupplyMv(code.map_or(0, supply_mv)),
+            _ => Converted::ChipCelsius(code.and_then(celsius)),
+        })
     }
-    pac::ADC.cs().modify(|w| w.set_ainsel(input));
-    pac::ADC.cs().modify(|w| w.set_start_once(true));
-    (is_ready() && !pac::ADC.cs().read().err()).then(|| u32::from(pac::ADC.result().read().result()))
 }
 
 /// Supply of the board, mV.
-pub(crate) fn supply_mv() -> Option<u16> {
-    convert(SUPPLY).map(|code| (code * (3 * 3300) / 4096) as u16)
+fn supply_mv(code: u32) -> u16 {
+    (code * (3 * 3300) / 4096) as u16
 }
 
 /// Temperature of the chip, °C.
-pub(crate) fn celsius() -> Option<i16> {
-    let code = convert(SENSOR).filter(|code| PLAUSIBLE.contains(code))?;
+fn celsius(code: u32) -> Option<i16> {
+    if !PLAUSIBLE.contains(&code) {
+        return None;
+    }
     let microvolts = (code * 3_300_000u32.div_ceil(4096)) as i32;
     Some((27 - (microvolts - 706_000) / 1721) as i16)
 }

@@ -21,7 +21,7 @@ use darm_firmware::clock::Clock;
 use darm_firmware::control::Inputs;
 use darm_firmware::cortex;
 use darm_firmware::crash::Kept;
-use darm_firmware::hardware::{Hardware, Pins};
+use darm_firmware::hardware::{Converted, Hardware, Pins};
 use embassy_rp::pac;
 use embassy_rp::rom_data::reset_to_usb_boot;
 use embassy_time::{Instant, Timer};
@@ -107,12 +107,7 @@ impl Hardware for Board {
     }
 
     fn health() -> Health {
-        Health {
-            servo_bus: Some(servos::errors()),
-            supply_mv: adc::supply_mv(),
-            chip_celsius: adc::celsius(),
-            ..cortex::health()
-        }
+        Health { servo_bus: Some(servos::errors()), ..cortex::health() }
     }
 
     fn open_flash() -> Option<Flash> {
@@ -187,12 +182,12 @@ fn is_jumper_closed() -> bool {
 }
 
 /// The pins of the control tick.
-pub(crate) struct BoardPins(Chain);
+pub(crate) struct BoardPins(Chain, adc::Converter);
 
 impl BoardPins {
     /// Takes the chain, outputs disabled.
     pub(crate) fn new(chain: Chain) -> Self {
-        Self(chain)
+        Self(chain, adc::Converter::default())
     }
 }
 
@@ -222,6 +217,10 @@ impl Pins for BoardPins {
             button: is_jumper_closed(),
             ..Inputs::default()
         }
+    }
+
+    fn convert(&mut self) -> Option<Converted> {
+        self.1.convert()
     }
 
     /// The pin becomes an output with the first pulse, which rises behind the lines of its row: the chain takes 25 µs.

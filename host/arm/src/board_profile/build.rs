@@ -6,7 +6,7 @@ use toml::Spanned;
 
 use super::fault::At;
 use super::raw::{RawDrive, RawEmergencyStop, RawFallback, RawOutput, RawProfile, RawServo, RawSupply};
-use super::wired_board::board_wiring;
+use super::wired_board::{board_wiring, min_supply};
 use super::{BoardProfile, FORMAT, ProfileFault};
 use crate::arm::ZERO_CELSIUS;
 
@@ -32,6 +32,8 @@ pub(super) fn build(raw: &RawProfile) -> Result<BoardProfile, At> {
     profile.board = board_wiring(raw)?;
     profile.sync = raw.pins.contains_key("sync");
     check(&profile, raw.chain.as_ref().map_or(raw.supply.span(), |chain| chain.chips.span()))?;
+    profile.min_supply_mv = min_supply(raw)?;
+    check(&profile, raw.min_board_supply_mv.as_ref().map_or(raw.supply.span(), Spanned::span))?;
     for spanned in &raw.output {
         let number = spanned.get_ref().number;
         match profile.outputs.get_mut(usize::from(number)) {

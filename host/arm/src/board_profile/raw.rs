@@ -16,6 +16,7 @@ pub(super) struct RawProfile {
     pub(super) supply: Spanned<RawSupply>,
     pub(super) emergency_stop: Option<Spanned<RawEmergencyStop>>,
     pub(super) board: Option<Spanned<String>>,
+    pub(super) min_board_supply_mv: Option<Spanned<u16>>,
     pub(super) chain: Option<RawChain>,
     #[serde(default)]
     pub(super) pins: BTreeMap<String, Spanned<RawPins>>,

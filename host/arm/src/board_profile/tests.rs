@@ -95,3 +95,28 @@ fn the_board_its_pins_and_the_length_of_the_chain_are_checked_at_their_place() {
         assert!(error.starts_with(&format!("profile.toml:{expected}")), "{error}\n{text}");
     }
 }
+
+#[test]
+fn a_threshold_of_the_supply_is_one_that_the_board_measures() {
+    let with = |keys: &str| with_output(keys);
+    let read_back = |text: &str| read(&read(text).unwrap().to_toml()).unwrap().profile.min_supply_mv;
+    assert_eq!(read_back(&with("min_board_supply_mv = 4500")), Some(4_500));
+    assert_eq!(read_back(&with("board = \"Pico\"\nmin_board_supply_mv = 4500")), Some(4_500));
+    assert_eq!(read_back(&with("")), None);
+    let cases = [
+        (with("min_board_supply_mv = 1619"), "4:23: min_board_supply_mv is 1619; give 1620 to 5500"),
+        (with("min_board_supply_mv = 5501"), "4:23: min_board_supply_mv is 5501; give 1620 to 5500"),
+        (
+            with("min_board_supply_mv = 4500\nboard = \"B-L475E-IOT01A\""),
+            "4:23: the threshold of the supply is 4500 mV, and the board measures 1620 to 3600 mV",
+        ),
+        (
+            with("board = \"Pico\"\nmin_board_supply_mv = 1700"),
+            "5:23: the threshold of the supply is 1700 mV, and the board measures 1800 to 5500 mV",
+        ),
+    ];
+    for (text, expected) in cases {
+        let error = read(&text).unwrap_err().to_string();
+        assert!(error.starts_with(&format!("profile.toml:{expected}")), "{error}\n{text}");
+    }
+}

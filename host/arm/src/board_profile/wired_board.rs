@@ -1,6 +1,6 @@
 //! The board that a profile is made for, the pins that it relies on, and the length of its chain.
 
-use darm_core::profile::{BoardWiring, PIN_TABLES, PinTable};
+use darm_core::profile::{BoardWiring, PIN_TABLES, PinTable, ProfileError, Shortage};
 use toml::Spanned;
 
 use super::ProfileFault;
@@ -16,6 +16,21 @@ pub(super) fn board_wiring(raw: &RawProfile) -> Result<BoardWiring, At> {
         check_pins(key, pins.get_ref(), table).map_err(|fault| (pins.span(), fault))?;
     }
     Ok(BoardWiring { chips, layout: table.map(PinTable::layout) })
+}
+
+/// The threshold of the board's supply: one that the board of the file measures, where it names one.
+pub(super) fn min_supply(raw: &RawProfile) -> Result<Option<u16>, At> {
+    let Some(given) = &raw.min_board_supply_mv else { return Ok(None) };
+    let mv = *given.get_ref();
+    let [lowest, highest] = match &raw.board {
+        Some(board) => known_board(board)?.supply_mv,
+        None => return Ok(Some(mv)),
+    };
+    if (lowest..=highest).contains(&mv) {
+        return Ok(Some(mv));
+    }
+    let shortage = Shortage::Supply { mv, measured_mv: Some([lowest, highest]) };
+    Err((given.span(), ProfileFault::Profile(ProfileError::Board(shortage))))
 }
 
 fn known_board(name: &Spanned<String>) -> Result<&'static PinTable, At> {

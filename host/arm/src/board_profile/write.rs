@@ -8,12 +8,15 @@ use darm_core::profile::{EmergencyStop, Fallback, Output, PinTable, Profile, Ser
 use super::{BoardProfile, FORMAT};
 
 pub(super) fn write_profile(w: &mut String, board: &BoardProfile) -> std::fmt::Result {
-    let Profile { supply, emergency_stop, board: wired, sync, .. } = &board.profile;
+    let Profile { supply, emergency_stop, board: wired, sync, min_supply_mv, .. } = &board.profile;
     writeln!(w, "# Board profile: what is wired, and the limits that no table can exceed.")?;
     writeln!(w, "# Stored on the board by `darm profile write`, while its user button is held.\n")?;
     writeln!(w, "format = {FORMAT}\nname = {:?}", board.name)?;
     if let Some(table) = wired.layout.and_then(PinTable::of_layout) {
         writeln!(w, "board = {:?}", table.board)?;
+    }
+    if let Some(mv) = min_supply_mv {
+        writeln!(w, "min_board_supply_mv = {mv}")?;
     }
     if let Some(table) = wired.layout.and_then(PinTable::of_layout).filter(|_| *sync) {
         writeln!(w, "\n[pins]\nsync = {:?}", table.sync)?;

@@ -322,9 +322,20 @@ fn health_lines(health: &Health) -> Vec<String> {
         health.load_permille.map(|load| format!("load      {:.1} % of the last second", 0.1 * f64::from(load))),
     );
     lines.extend(health.stack.map(|stack| format!("stack     {} of {} bytes were in use", stack.used, stack.size)));
-    lines.extend(health.supply_mv.map(|supply| format!("supply    {:.2} V", 1e-3 * f64::from(supply))));
+    lines.extend(supply_line(health));
     lines.extend(health.chip_celsius.map(|celsius| format!("chip      {celsius} °C")));
     lines
+}
+
+/// The supply of the board, and the profile's threshold.
+fn supply_line(health: &Health) -> Option<String> {
+    let volts = |mv: u16| format!("{:.2} V", 1e-3 * f64::from(mv));
+    match (health.supply_mv.map(volts), health.min_supply_mv.map(volts)) {
+        (Some(supply), Some(least)) => Some(format!("supply    {supply}, at least {least} by the profile")),
+        (Some(supply), None) => Some(format!("supply    {supply}")),
+        (None, Some(least)) => Some(format!("supply    not measured, at least {least} by the profile")),
+        (None, None) => None,
+    }
 }
 
 /// What a board counts; not every board counts everything.

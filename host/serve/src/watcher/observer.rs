@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use darm_core::output::{ActuatorWiring, CoilLimit, Wiring};
 use darm_core::sequencer::ServoSeen;
 use darm_core::units::{Digest, Micros, Word};
+use darm_core::wire::health::Health;
 use darm_core::wire::message::{Hello, OutputState, Status};
 use darm_device::client::{Client, ClientError};
 
@@ -17,7 +18,7 @@ use crate::program::drive_name;
 use crate::unix_time;
 use crate::view::{ActuatorView, BoardView, EventView, OutputView, PhaseView, QualityView, ServoView, SwitchView};
 
-/// Interval at which on-times are requested: four answers of the largest board.
+/// Interval at which on-times, four answers of the largest board, and supply are requested.
 const OUTPUTS_PERIOD: Duration = Duration::from_millis(500);
 /// Events from before the connection that are fetched.
 const EARLIER_EVENTS: u32 = 20;
@@ -40,6 +41,7 @@ pub(super) struct Observer {
     /// Events that the history has not taken yet.
     unrecorded: Vec<EventView>,
     outputs: Vec<OutputState>,
+    health: Option<Health>,
     outputs_due: Instant,
     /// When the board said so of its outputs, s of the link's time.
     outputs_s: f64,
@@ -64,6 +66,7 @@ impl Observer {
             table_from: None,
             unrecorded: Vec::new(),
             outputs: Vec::new(),
+            health: None,
             outputs_due: Instant::now(),
             outputs_s: 0.0,
             supply: Supply::default(),
@@ -84,6 +87,7 @@ impl Observer {
         if Instant::now() >= self.outputs_due {
             self.outputs = client.outputs()?;
             self.outputs_s = client.now_s();
+            self.health = client.health()?;
             self.outputs_due = Instant::now() + OUTPUTS_PERIOD;
         }
         let hub = Arc::clone(&self.hub);
@@ -173,6 +177,11 @@ impl Observer {
         self.shown = Some(posture);
     }
 
+    /// What the board reports of itself in mV, in V.
+    fn volts(&self, of: fn(&Health) -> Option<u16>) -> Option<f64> {
+        self.health.as_ref().and_then(of).map(|mv| 1e-3 * f64::from(mv))
+    }
+
     fn board(&mut self, client: &Client, status: &Status, now_s: f64, round_trip_s: f64) -> BoardView {
         let (hello, counts) = (client.hello(), client.counts());
         let [major, minor, patch] = client.version().firmware;
@@ -210,6 +219,8 @@ impl Observer {
                 damaged: counts.damaged,
                 bad_frames: status.bad_frames,
                 worst_lateness_s: 1e-6 * f64::from(status.worst_lateness_us),
+                supply_v: self.volts(|health| health.supply_mv),
+                min_supply_v: self.volts(|health| health.min_supply_mv),
             },
         }
     }
