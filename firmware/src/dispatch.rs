@@ -22,7 +22,7 @@ use darm_core::wire::bootstrap::{self, ANSWER, CrashRecord, Identity, Version};
 use darm_core::wire::caps::{BuildId, Caps};
 use darm_core::wire::frame::{self, Header, MAX_FRAME, MAX_PAYLOAD};
 use darm_core::wire::health::Health;
-use darm_core::wire::message::{self, Answer, Calibration, Hello, REQUEST, Refusal, Reply, Request};
+use darm_core::wire::message::{self, Answer, Calibration, Hello, Image, ImageKind, REQUEST, Refusal, Reply, Request};
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 
@@ -361,6 +361,18 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
 
     async fn run(&mut self, request: Request<'_>) -> Result<Answer, Refusal> {
         match request {
+            // A command may have been requested before a stop and come, or come again, after it.
+            Request::Command(_) if self.is_stopped() => Err(Refusal::Command(CommandError::Stopped)),
+            // A start that could not be counted has the challenges of another one: a copy of an earlier `Hello` may have opened this
+            // connection. It asks, and writes a profile where a person holds the button.
+            Request::Command(_)
+            | Request::Calibrate(_)
+            | Request::Begin(Image { kind: ImageKind::Table, .. })
+            | Request::Commit(Image { kind: ImageKind::Table, .. })
+                if self.boots == 0 =>
+            {
+                Err(Refusal::Storage)
+            }
             Request::Hello { .. } | Request::Nearest(_) => Err(Refusal::Unknown),
             Request::Status => self.status().await.map(Answer::Status),
             Request::Events { from } => {
@@ -370,10 +382,6 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
             Request::Begin(image) => self.begin(image).await,
             Request::Chunk { offset, bytes } => self.chunk(offset, bytes).await,
             Request::Commit(image) => self.commit(image).await,
-            // A command may have been requested before a stop and come, or come again, after it.
-            Request::Command(_) if self.is_stopped() => Err(Refusal::Command(CommandError::Stopped)),
-            // A start that could not be counted has the challenges of another one.
-            Request::Command(_) if self.boots == 0 => Err(Refusal::Storage),
             Request::Command(command) => self.command(command).await.map(|()| Answer::Done),
             Request::Calibrate(calibration) => self.calibrate(calibration).await,
             Request::Calibration => Ok(Answer::Calibration(self.calibration?)),

@@ -120,9 +120,9 @@ pub(crate) fn run<T>(future: impl Future<Output = T>, mut step: impl FnMut()) ->
 pub(crate) const PAGE: usize = 2048;
 pub(crate) const WORD: usize = 8;
 
-/// The bytes of a flash, which outlive a power cut.
+/// The bytes of a flash, which outlive a power cut, and whether it refuses to be written.
 #[derive(Clone)]
-pub(crate) struct Cells(Rc<RefCell<Vec<u8>>>);
+pub(crate) struct Cells(Rc<RefCell<Vec<u8>>>, Rc<Cell<bool>>);
 
 /// Flash that is stricter than the part: a written word takes nothing but zeros, and power goes after a number of
 /// written or erased words, in the middle of one.
@@ -138,6 +138,7 @@ pub(crate) enum MockError {
     Bounds,
     NotErased,
     PowerLost,
+    Refused,
 }
 
 impl NorFlashError for MockError {
@@ -148,7 +149,7 @@ impl NorFlashError for MockError {
 
 impl Cells {
     pub(crate) fn erased() -> Self {
-        Self(Rc::new(RefCell::new(vec![0xff; FLASH_BYTES])))
+        Self::of(vec![0xff; FLASH_BYTES])
     }
 
     /// The flash of a board whose profile fits the small arm.
@@ -171,7 +172,16 @@ impl Cells {
     }
 
     pub(crate) fn copy(&self) -> Self {
-        Self(Rc::new(RefCell::new(self.0.borrow().clone())))
+        Self::of(self.0.borrow().clone())
+    }
+
+    fn of(bytes: Vec<u8>) -> Self {
+        Self(Rc::new(RefCell::new(bytes)), Rc::default())
+    }
+
+    /// It refuses to be written or erased from now on, or no longer.
+    pub(crate) fn refuse_writes(&self, refuses: bool) {
+        self.1.set(refuses);
     }
 
     /// Fills what the records lie in with items that end nowhere, as a failed part does.
@@ -228,6 +238,9 @@ impl MockFlash {
 
     /// Takes the power for one word; when it is the last, says so.
     fn spend(&mut self) -> Result<bool, MockError> {
+        if self.cells.1.get() {
+            return Err(MockError::Refused);
+        }
         self.words_left = self.words_left.checked_sub(1).ok_or(MockError::PowerLost)?;
         Ok(self.words_left == 0)
     }

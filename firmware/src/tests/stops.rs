@@ -7,7 +7,7 @@ use darm_core::wire::message::{Answer, Calibration, Refusal, Request};
 use embassy_futures::select::select;
 use embassy_futures::yield_now;
 
-use super::fakes::{profile, profile_image, run};
+use super::fakes::{profile, profile_image, run, table};
 use super::{Bench, LINK, loaded};
 use crate::app::serve;
 use crate::pipe::{Pipe, PipeReader, PipeWriter};
@@ -90,6 +90,47 @@ fn no_copy_of_a_hello_opens_a_connection_after_another_one_a_stop_or_a_start() {
     assert!(bench.open(200, 1).is_ok());
     assert_late(&bench, &copies);
     assert_late(&Bench::new(bench.cells), &copies);
+}
+
+/// Such a start has the number, and so the challenges, of every other one that could not be counted.
+#[test]
+fn a_copy_of_a_hello_from_a_start_that_was_not_counted_either_opens_nothing_that_acts() {
+    let cells = loaded().cells;
+    let uncounted = || {
+        cells.refuse_writes(true);
+        let bench = Bench::new(cells.clone());
+        cells.refuse_writes(false);
+        bench
+    };
+    let hello = |challenge| Request::Hello { protocol: PROTOCOL, challenge };
+    let (link, earlier) = (7, uncounted());
+    for (number, challenge) in (0..4).zip(0..) {
+        let opened = earlier.ask_as(link + number, 1, hello(challenge));
+        assert!(matches!(opened, Some(Ok(Answer::Hello(hello))) if hello.boots == 0), "connection {number}");
+    }
+    let (bench, before) = (uncounted(), cells.copy());
+    assert!(bench.ask_as(link, 1, hello(0)).unwrap().is_ok(), "the copy opens: the board answers questions");
+    assert!(bench.ask_as(link, 1, Request::Status).unwrap().is_ok());
+    let (image, bytes) = table(2, 4, false);
+    for (number, request) in (2..).zip([
+        Request::Command(Command::Play),
+        Request::Command(Command::Coil { coil: 0, on_ms: 10 }),
+        Request::Command(Command::Clear),
+        Request::Calibrate(Calibration::try_from([0.3; 4]).unwrap()),
+        Request::Begin(image),
+        Request::Commit(image),
+    ]) {
+        assert_eq!(bench.ask_as(link, number, request), Some(Err(Refusal::Storage)), "{request:?}");
+    }
+    let chunk = Request::Chunk { offset: 0, bytes: &bytes[..64] };
+    assert_eq!(bench.ask_as(link, 9, chunk), Some(Err(Refusal::NoUpload)));
+    bench.pass_ms(100);
+    assert_eq!(bench.outputs.get().lines, 0);
+    assert!(cells.is_equal(&before), "the flash was written");
+    // A person at the button can have a profile written: that is how records that cannot be read are erased.
+    bench.button.set(true);
+    assert!(bench.ask_as(link, 10, Request::Begin(profile_image(&profile()).0)).unwrap().is_ok());
+    assert!(is_challenged(Bench::new(cells).ask_as(link, 1, hello(0)).unwrap()), "a start that was counted");
 }
 
 /// Between the question for the challenge and the `Hello` that carries it.
