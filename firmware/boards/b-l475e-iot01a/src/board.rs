@@ -14,7 +14,7 @@ use embedded_hal::digital::OutputPin as _;
 use stm32_metapac::{Interrupt, UID};
 
 use crate::emulated::emulated;
-use crate::flash::Flash;
+use crate::flash::{self, Flash};
 use crate::gpio::{ChainClock, ChainData, ChainEnable, ChainEnd, ChainLatch, Switches, Sync, user_button_pressed};
 use crate::pins::{CHAIN_ENABLE, SWITCHES};
 use crate::time::BoardClock;
@@ -62,6 +62,7 @@ impl Hardware for Board {
 
     fn health() -> Health {
         let (damaged, _) = bank2::double_errors();
+        flash::log_double_errors();
         Health {
             clock: (!emulated()).then(clock_source),
             reset: reset_cause(),
