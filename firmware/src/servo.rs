@@ -57,6 +57,7 @@ const BENT_STEPS: u16 = 16;
 
 /// Out of its range by more than this it breaches it: overshoot and resolution.
 const RANGE_MARGIN_RAD: f32 = 0.02;
+const RANGE_MARGIN_STEPS: i16 = (RANGE_MARGIN_RAD * (SERVO_STEPS_PER_TURN / TAU)) as i16;
 /// Resolution of the speed that a servo reports, steps/s: twice the coarsest unit of the series.
 const REPORT_STEPS_S: f32 = 100.0;
 /// Farther than this from what it is to hold a servo was moved, steps: 0.1 rad, twice what the load of a sound arm bends it.
@@ -256,7 +257,8 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
         Ok(())
     }
 
-    /// Out of the range, or further round than one turn, it holds too: to turn back would be a motion that nobody requested.
+    /// Out of the range by more than its load bends it, or further round than one turn, it holds too: to turn back would be a motion that
+    /// nobody requested.
     async fn hold(&mut self, index: usize, limit: &ServoWiring, sample: &Sample) -> Result<(), BusError> {
         let known = self.known(index);
         if known.progress == Progress::Done && known.visits <= REWRITE_VISITS {
@@ -467,12 +469,15 @@ fn goes(action: &ServoAction) -> bool {
     matches!(action, ServoAction::Go(_))
 }
 
-/// The position to hold, steps: where the servo is, in the range unless two reads say that it is out of it.
+/// The position to hold, steps: where the servo is. One that its load has bent over the edge of its range, or that only one of
+/// two reads shows outside, holds at the edge: with its place for the goal each start would bend it further out.
 fn place_to_hold(sample: &Sample, limit: &ServoWiring) -> i16 {
     let [low, high] = [limit.min_rad, limit.max_rad].map(|rad| steps(rad) as i16);
-    let is_inside = |steps: i16| (low..=high).contains(&steps);
+    let is_within =
+        |steps: i16, margin: i16| (low.saturating_sub(margin)..=high.saturating_add(margin)).contains(&steps);
     let seen = sample.place.steps;
-    if is_inside(seen) || is_inside(sample.before_steps) { seen.max(low).min(high) } else { seen }
+    let is_at_edge = is_within(seen, RANGE_MARGIN_STEPS) || is_within(sample.before_steps, 0);
+    if is_at_edge { seen.max(low).min(high) } else { seen }
 }
 
 /// The registers of a servo that holds a position.

@@ -281,7 +281,22 @@ fn a_servo_out_of_its_range_is_held_where_it_is_after_two_reads() {
     let limit = joint(0.0).unwrap().limit;
     assert_eq!(place_to_hold(&sample(high - 1, high + 3), &limit), high as i16);
     assert_eq!(place_to_hold(&sample(high + 3, high - 1), &limit), high as i16 - 1);
-    assert_eq!(place_to_hold(&sample(high + 3, high + 4), &limit), high as i16 + 4);
+    assert_eq!(place_to_hold(&sample(high + 13, high + 13), &limit), high as i16, "bent");
+    assert_eq!(place_to_hold(&sample(high + 14, high + 14), &limit), high as i16 + 14);
+}
+
+/// A start does not know the goal of before.
+#[test]
+fn a_load_that_bends_a_servo_over_the_edge_of_its_range_takes_it_no_further_with_each_start() {
+    let high = steps(1.0);
+    let fake = under_way(high + 5);
+    for start in 0..10 {
+        let (shared, clock) = (Shared::new(), HandClock::default());
+        shared.set_joints([doing(ServoAction::Hold), None, None, None]);
+        visit(&fake, &shared, &clock, 3);
+        assert_eq!(goal_of(&fake), high, "start {start}");
+        stand_at(&fake, goal_of(&fake) + 5);
+    }
 }
 
 #[test]
