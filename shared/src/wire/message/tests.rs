@@ -1,7 +1,7 @@
 //! Golden bytes of messages.
 
 use super::{Answer, Calibration, Coordinates, Found, Refusal, Reply, Request, done, hello_protocol, is_stop};
-use crate::sequencer::{Command, Event};
+use crate::sequencer::{Command, Event, FaultKind};
 use crate::units::Micros;
 use crate::wire::bootstrap::{CrashKind, CrashRecord};
 
@@ -16,6 +16,8 @@ fn what_has_come_since_changes_no_bytes_of_what_there_was() {
     assert_eq!(postcard::to_slice(&refused, &mut bytes).unwrap(), [0, 1, 12]);
     let refused = Reply { at: Micros(0), result: Err(Refusal::TooSoon { wait_ms: 300 }) };
     assert_eq!(postcard::to_slice(&refused, &mut bytes).unwrap(), [0, 1, 17, 0xac, 2]);
+    let low = FaultKind::Supply { mv: 300, min_mv: 3 };
+    assert_eq!(postcard::to_slice(&low, &mut bytes).unwrap(), [16, 0xac, 2, 3]);
 }
 
 #[test]
