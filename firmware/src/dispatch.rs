@@ -112,7 +112,7 @@ pub struct Dispatcher<'s, 't, F: NorFlash, C> {
     /// Where the nearest word is sought.
     room: &'s mut NearestSearch,
     /// The request that waits for it.
-    pub(crate) sought: Option<Header>,
+    pub(crate) pending_search: Option<Header>,
 }
 
 /// The last request that changed something, and its answer.
@@ -160,7 +160,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
             openings: 0,
             last: None,
             room,
-            sought: None,
+            pending_search: None,
         }
     }
 
@@ -279,10 +279,10 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
             return Some(self.reply(Err(Refusal::NotConnected)));
         }
         if let Request::Nearest(target) = request {
-            if self.sought != Some(header) {
-                self.sought = None;
+            if self.pending_search != Some(header) {
+                self.pending_search = None;
                 match self.begin_nearest(&target).await {
-                    Ok(()) => self.sought = Some(header),
+                    Ok(()) => self.pending_search = Some(header),
                     Err(refusal) => return Some(self.reply(Err(refusal))),
                 }
             }

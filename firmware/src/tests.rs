@@ -123,7 +123,7 @@ impl Bench {
         let dispatcher = dispatcher.as_mut().unwrap();
         dispatcher.begin_item();
         let mut answer = match run(dispatcher.answer(encoded), || self.tick()) {
-            None if dispatcher.sought.is_some() => run(dispatcher.seek(), || self.tick()),
+            None if dispatcher.pending_search.is_some() => run(dispatcher.seek(), || self.tick()),
             answer => answer?,
         };
         let len = answer.len();

@@ -21,7 +21,7 @@ use crate::clock::Clock;
 use crate::control::{Order, Outcome};
 use crate::dispatch::{Dispatcher, FIRMWARE};
 use crate::kept::CRASHES;
-use parse::{Words, parse};
+use parse::{TextCommand, parse};
 
 const HELP: &[&str] = &[
     "help             this list",
@@ -73,29 +73,29 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
         }
         match parse(line) {
             Err(error) => say(out, format_args!("? {line}: {error}")).await,
-            Ok(Words::Help) => {
+            Ok(TextCommand::Help) => {
                 for line in HELP {
                     say(out, format_args!("{line}")).await?;
                 }
                 Ok(())
             }
-            Ok(Words::Id) => self.say_id(out).await,
-            Ok(Words::Status) => self.say_status(out).await,
-            Ok(Words::Limits) => self.say_limits(out).await,
-            Ok(Words::Profile) => self.say_profile(out).await,
-            Ok(Words::Table) => self.say_table(out).await,
-            Ok(Words::Fault) => self.say_fault(out).await,
-            Ok(Words::Log) => self.say_log(out).await,
-            Ok(Words::Reboot(into)) => match self.restart(into).await {
+            Ok(TextCommand::Id) => self.say_id(out).await,
+            Ok(TextCommand::Status) => self.say_status(out).await,
+            Ok(TextCommand::Limits) => self.say_limits(out).await,
+            Ok(TextCommand::Profile) => self.say_profile(out).await,
+            Ok(TextCommand::Table) => self.say_table(out).await,
+            Ok(TextCommand::Fault) => self.say_fault(out).await,
+            Ok(TextCommand::Log) => self.say_log(out).await,
+            Ok(TextCommand::Reboot(into)) => match self.restart(into).await {
                 Ok(()) => say(out, format_args!("ok, restarting")).await,
                 Err(refusal) => say(out, format_args!("? {refusal}")).await,
             },
-            Ok(Words::Nearest(target)) => self.say_nearest(&target, out).await,
-            Ok(Words::Stop) => {
+            Ok(TextCommand::Nearest(target)) => self.say_nearest(&target, out).await,
+            Ok(TextCommand::Stop) => {
                 self.stop_arm().await;
                 say(out, format_args!("ok")).await
             }
-            Ok(Words::Do(command)) => match self.command(command).await {
+            Ok(TextCommand::Run(command)) => match self.command(command).await {
                 Ok(()) => say(out, format_args!("ok")).await,
                 Err(refusal) => say(out, format_args!("? {refusal}")).await,
             },

@@ -31,7 +31,7 @@ pub struct Ticker<'t, P> {
 
 /// What is to be done after a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Care {
+pub enum WatchdogAction {
     /// Feed the watchdog.
     Feed,
     /// The same, and the start has run for [`STEADY`], since this tick: crashes in a row end.
@@ -63,11 +63,11 @@ impl<'t, P: Pins> Ticker<'t, P> {
         pulses: &[Pulse; Task::ALL.len()],
     ) -> Outputs {
         let (outputs, care) = self.step(now, due, shared, pulses);
-        if let Care::End(task) = care {
+        if let WatchdogAction::End(task) = care {
             crash::end_silence::<H>(task);
         }
         H::feed_watchdog();
-        if care == Care::FeedSteady {
+        if care == WatchdogAction::FeedSteady {
             crash::forget_crashes(H::kept());
         }
         outputs
@@ -81,7 +81,7 @@ impl<'t, P: Pins> Ticker<'t, P> {
         due: Micros,
         shared: &Shared<'t>,
         pulses: &[Pulse; Task::ALL.len()],
-    ) -> (Outputs, Care) {
+    ) -> (Outputs, WatchdogAction) {
         let mut inputs = self.solenoids.chain().inputs();
         inputs.chain_broken = self.solenoids.is_broken();
         (inputs.enable_stuck, inputs.far_end) = (self.solenoids.enable_stuck(), self.solenoids.far_end());
@@ -113,15 +113,15 @@ impl<'t, P: Pins> Ticker<'t, P> {
         }
     }
 
-    fn look_after(&mut self, now: Micros, pulses: &[Pulse; Task::ALL.len()]) -> Care {
+    fn look_after(&mut self, now: Micros, pulses: &[Pulse; Task::ALL.len()]) -> WatchdogAction {
         if let Some(task) = self.watch.silent(now, pulses.each_ref().map(Pulse::count)) {
-            return Care::End(task);
+            return WatchdogAction::End(task);
         }
         if self.steady || now < STEADY {
-            return Care::Feed;
+            return WatchdogAction::Feed;
         }
         self.steady = true;
-        Care::FeedSteady
+        WatchdogAction::FeedSteady
     }
 }
 
@@ -129,7 +129,7 @@ impl<'t, P: Pins> Ticker<'t, P> {
 mod tests {
     use darm_core::units::Micros;
 
-    use super::{Care, STEADY, Ticker};
+    use super::{STEADY, Ticker, WatchdogAction};
     use crate::control::{Inputs, Shared, TICK};
     use crate::hardware::{Converted, Pins};
     use crate::life::{Pulse, SILENCE_LIMIT, Task};
@@ -197,7 +197,7 @@ mod tests {
     }
 
     /// What is to be done after each tick up to a time, where the first task reports and the second one until then.
-    fn cares(until: Micros, bus_reports_until: Micros) -> Vec<Care> {
+    fn cares(until: Micros, bus_reports_until: Micros) -> Vec<WatchdogAction> {
         let (shared, pulses) = (Shared::new(), [const { Pulse::new() }; Task::ALL.len()]);
         let mut used = Box::default();
         let mut ticker = Ticker::new(Micros(0), NoPins, &mut used, &shared);
@@ -217,16 +217,16 @@ mod tests {
     #[test]
     fn the_watchdog_is_fed_until_a_task_is_silent() {
         let cares = cares(Micros(2 * SILENCE_LIMIT.0), Micros(0));
-        let fed = cares.iter().take_while(|care| **care == Care::Feed).count();
+        let fed = cares.iter().take_while(|care| **care == WatchdogAction::Feed).count();
         assert_eq!(fed as u64 * TICK.0, SILENCE_LIMIT.0);
-        assert!(cares[fed..].iter().all(|care| *care == Care::End(Task::ServoBus)));
+        assert!(cares[fed..].iter().all(|care| *care == WatchdogAction::End(Task::ServoBus)));
     }
 
     #[test]
     fn a_start_is_steady_once() {
         let until = STEADY + Micros(3 * TICK.0);
         let cares = cares(until, until);
-        let steady: Vec<usize> = (0..cares.len()).filter(|index| cares[*index] == Care::FeedSteady).collect();
+        let steady: Vec<usize> = (0..cares.len()).filter(|index| cares[*index] == WatchdogAction::FeedSteady).collect();
         assert_eq!(steady, [(STEADY.0 / TICK.0) as usize - 1]);
     }
 }

@@ -35,7 +35,7 @@ pub enum Breach {
     Duty,
 }
 
-/// A tick may be late by so much: an on-time counts as too long only beyond it, and a rehearsal leaves room for it.
+/// Tolerated lateness of a tick: an on-time counts as too long only beyond it, and a rehearsal leaves room for it.
 pub const LATENESS: Micros = Micros::from_millis(2);
 const LATE_US: u32 = LATENESS.0 as u32;
 
@@ -89,9 +89,8 @@ impl MeterLimit {
         }
     }
 
-    /// The limit for a rehearsal: a program that keeps it keeps the complete limit although ticks are late by so much
-    /// and,
-    /// `after_use`, although buckets close at other times than in the rehearsal.
+    /// The limit for a rehearsal: a program that keeps it keeps the complete limit although ticks are late by `lateness`,
+    /// and, `after_use`, although buckets close at other times than in the rehearsal.
     #[must_use]
     pub const fn rehearsed(self, lateness: Micros, after_use: bool) -> Self {
         let late_us = lateness.0 as u32;

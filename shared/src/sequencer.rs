@@ -40,7 +40,7 @@ use switches::Switches;
 
 /// Outputs or actuators that one tick takes over.
 const TAKEN_A_TICK: usize = 12;
-/// A tick that comes later after the one before says nothing of the servos: whoever asks them did not run either.
+/// A tick that comes later than this after the one before says nothing of the servos: the servo task stalled too.
 const LATE: Micros = Micros::from_millis(2);
 /// Measurements of the supply in a row that are below the threshold before that is a fault: with one each 10 ms a dip of 40 ms, such
 /// as that of a motor that starts, passes.
@@ -100,7 +100,7 @@ impl<'t> Sequencer<'t> {
             now: Micros(0),
             events: heapless::Deque::new(),
         };
-        sequencer.fall_back();
+        sequencer.servos_to_fallback();
         sequencer
     }
 
@@ -108,7 +108,7 @@ impl<'t> Sequencer<'t> {
     pub fn configure(&mut self, profile: &'t Profile) {
         self.profile = profile;
         self.coils.configure(self.now, profile);
-        self.fall_back();
+        self.servos_to_fallback();
     }
 
     /// True when nothing runs; the safe state counts, no coil carries current in it.
@@ -148,16 +148,16 @@ impl<'t> Sequencer<'t> {
 
     /// Looks at what the board sees, decides, and says what the outputs are until the next call.
     pub fn step(&mut self, now: Micros, seen: &Seen) -> Outputs {
-        self.excuse_servos(now - self.now);
+        self.skip_missed_ticks(now - self.now);
         (self.now, self.has_begun_row) = (now, false);
         self.hold_since.get_or_insert(now);
         self.take_over(TAKEN_A_TICK);
         self.emergency_stop = self.profile.emergency_stop.is_some_and(|stop| stop.is_pressed(seen.switches));
         self.count_low_supplies(seen);
         let is_safe = matches!(self.phase, Phase::Safe(_));
-        match self.look(seen).and_then(|()| self.advance(seen)) {
+        match self.check_inputs(seen).and_then(|()| self.advance(seen)) {
             Err(kind) if !is_safe => self.enter_safe(kind),
-            // In the safe state the meters count on; what else is wrong changes nothing.
+            // In the safe state metering continues; further faults are ignored.
             Ok(()) | Err(_) => {}
         }
         let lines = if self.is_armed { self.coils.lines() } else { 0 };
@@ -183,7 +183,7 @@ impl<'t> Sequencer<'t> {
             }
             Command::Clear => self.clear(),
             Command::Play => self.play(),
-            Command::Coil { .. } | Command::Word(_) | Command::Servo { .. } => self.by_hand(command),
+            Command::Coil { .. } | Command::Word(_) | Command::Servo { .. } => self.run_by_hand(command),
         }
     }
 
@@ -194,7 +194,7 @@ impl<'t> Sequencer<'t> {
         }
         self.check_servo_spans()?;
         self.check_servos_answer()?;
-        self.rest();
+        self.all_off();
         self.coils.prepare();
         self.is_armed = true;
         self.phase = Phase::Approaching { since: self.now };
@@ -208,7 +208,7 @@ impl<'t> Sequencer<'t> {
         if !matches!(self.phase, Phase::Idle) {
             self.note(Event::Stopped);
         }
-        self.rest();
+        self.all_off();
         self.hold_servos();
     }
 
@@ -218,15 +218,15 @@ impl<'t> Sequencer<'t> {
         }
         if matches!(self.phase, Phase::Safe(_)) {
             self.note(Event::Cleared);
-            self.rest();
+            self.all_off();
         }
         Ok(())
     }
 
     /// All coils off, nothing runs. The servos continue as they are.
-    fn rest(&mut self) {
-        self.coils.rest();
-        self.switches.rest();
+    fn all_off(&mut self) {
+        self.coils.all_off();
+        self.switches.expect_nothing();
         self.phase = Phase::Idle;
     }
 
@@ -239,7 +239,7 @@ impl<'t> Sequencer<'t> {
         }
     }
 
-    fn by_hand(&mut self, command: Command) -> Result<(), CommandError> {
+    fn run_by_hand(&mut self, command: Command) -> Result<(), CommandError> {
         self.check_free()?;
         if !matches!(command, Command::Coil { on_ms: 0, .. }) {
             self.check_servos_answer()?;
@@ -257,7 +257,7 @@ impl<'t> Sequencer<'t> {
     }
 
     /// Everything that must hold before anything moves.
-    fn look(&mut self, seen: &Seen) -> Result<(), FaultKind> {
+    fn check_inputs(&mut self, seen: &Seen) -> Result<(), FaultKind> {
         for (answered, servo) in self.answered.iter_mut().zip(&seen.servos) {
             *answered = (*answered).max(servo.answered);
         }
@@ -346,7 +346,7 @@ impl<'t> Sequencer<'t> {
         let away = first.servos.iter().zip(&seen.servos).zip(&self.offsets_rad).position(|((angle, servo), offset)| {
             servo.answered.is_none() || (servo.angle_rad - offset - angle).abs() > APPROACH_TOLERANCE_RAD
         });
-        self.aim(0, APPROACH_SPEED);
+        self.command_servos(0, APPROACH_SPEED);
         match away {
             None if can_begin => self.begin(),
             None => Ok(()),
@@ -374,14 +374,14 @@ impl<'t> Sequencer<'t> {
                 let before = self.coils.word();
                 self.coils.switch(self.now, started + at, word)?;
                 self.switches.travel(self.now, word.differing(&before));
-                self.aim(next, 1.0);
+                self.command_servos(next, 1.0);
                 self.has_begun_row = true;
                 self.note(Event::Row { row: next, word });
                 self.phase = Phase::Playing { started, next: next.saturating_add(1) };
             }
         } else if table.end().is_none_or(|end| end <= elapsed) {
             self.note(Event::Finished);
-            self.rest();
+            self.all_off();
         }
         Ok(())
     }
@@ -393,9 +393,9 @@ impl<'t> Sequencer<'t> {
         };
         let fault = Fault { at: self.now, row, kind };
         self.note(Event::Fault(fault));
-        self.rest();
+        self.all_off();
         self.is_armed = false;
-        self.fall_back();
+        self.servos_to_fallback();
         self.phase = Phase::Safe(fault);
     }
 

@@ -19,7 +19,7 @@ use crate::control::{Order, Outcome};
 impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
     /// A word that brings the tool near a pose in the base, by the frames in the stored table. A stop ends the search.
     pub(crate) async fn nearest(&mut self, target: &Coordinates) -> Result<Found<f32>, Refusal> {
-        self.sought = None;
+        self.pending_search = None;
         self.begin_nearest(target).await?;
         while self.room.step() {
             yield_now().await;
@@ -47,9 +47,9 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
     /// Searches on for the nearest word that was last requested; the frame that answers, once it is found. Waits for
     /// ever where there is nothing to seek. It may be dropped at any time, and continues where it was.
     pub async fn seek(&mut self) -> Frame {
-        while let Some(header) = self.sought {
+        while let Some(header) = self.pending_search {
             if !self.room.step() {
-                self.sought = None;
+                self.pending_search = None;
                 let reply = self.reply(self.room.found().map(Answer::Nearest).ok_or(Refusal::NoFrames));
                 if let Some(frame) = encode(Header { tag: header.tag | ANSWER, ..header }, &reply) {
                     return frame;

@@ -56,32 +56,32 @@ pub struct Wire(RefCell<Expected>);
 
 impl Wire {
     /// A reader and a writer on this wire, over those of the port.
-    pub fn split<R: Read, W: Write>(&self, reader: R, writer: W) -> (Ear<'_, R>, Mouth<'_, W>) {
-        (Ear { wire: self, reader }, Mouth { wire: self, writer })
+    pub fn split<R: Read, W: Write>(&self, reader: R, writer: W) -> (HalfDuplexRx<'_, R>, HalfDuplexTx<'_, W>) {
+        (HalfDuplexRx { wire: self, reader }, HalfDuplexTx { wire: self, writer })
     }
 }
 
 /// Hears what others say.
-pub struct Ear<'w, R> {
+pub struct HalfDuplexRx<'w, R> {
     wire: &'w Wire,
     reader: R,
 }
 
 /// Sends, and has the echo dropped.
-pub struct Mouth<'w, W> {
+pub struct HalfDuplexTx<'w, W> {
     wire: &'w Wire,
     writer: W,
 }
 
-impl<R: Read> ErrorType for Ear<'_, R> {
+impl<R: Read> ErrorType for HalfDuplexRx<'_, R> {
     type Error = R::Error;
 }
 
-impl<W: Write> ErrorType for Mouth<'_, W> {
+impl<W: Write> ErrorType for HalfDuplexTx<'_, W> {
     type Error = W::Error;
 }
 
-impl<R: Read> Read for Ear<'_, R> {
+impl<R: Read> Read for HalfDuplexRx<'_, R> {
     async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, R::Error> {
         loop {
             let count = self.pass(bytes);
@@ -101,7 +101,7 @@ impl<R: Read> Read for Ear<'_, R> {
     }
 }
 
-impl<R> Ear<'_, R> {
+impl<R> HalfDuplexRx<'_, R> {
     fn pass(&mut self, bytes: &mut [u8]) -> usize {
         let Ok(mut expected) = self.wire.0.try_borrow_mut() else { return 0 };
         let mut count = 0usize;
@@ -114,7 +114,7 @@ impl<R> Ear<'_, R> {
     }
 }
 
-impl<W: Write> Write for Mouth<'_, W> {
+impl<W: Write> Write for HalfDuplexTx<'_, W> {
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, W::Error> {
         if let Ok(mut expected) = self.wire.0.try_borrow_mut() {
             expected.send(bytes);

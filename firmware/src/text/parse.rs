@@ -9,7 +9,7 @@ use darm_core::wire::bootstrap::RebootTarget;
 
 /// What a line asks for.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Words {
+pub(super) enum TextCommand {
     Help,
     Id,
     Status,
@@ -21,7 +21,7 @@ pub(super) enum Words {
     Reboot(RebootTarget),
     Nearest(Coordinates),
     Stop,
-    Do(Command),
+    Run(Command),
 }
 
 /// Why a line is no command.
@@ -42,7 +42,7 @@ impl fmt::Display for ParseError {
     }
 }
 
-pub(super) fn parse(line: &str) -> Result<Words, ParseError> {
+pub(super) fn parse(line: &str) -> Result<TextCommand, ParseError> {
     let mut parts = line.split_ascii_whitespace();
     let name = parts.next().unwrap_or_default();
     let is = |word: &str| name.eq_ignore_ascii_case(word);
@@ -52,11 +52,11 @@ pub(super) fn parse(line: &str) -> Result<Words, ParseError> {
         return if word.is_empty() {
             Err(ParseError::Usage("word DIGITS, as in word 010,110"))
         } else {
-            Ok(Words::Do(Command::Word(word)))
+            Ok(TextCommand::Run(Command::Word(word)))
         };
     }
     if is("nearest") {
-        return nearest(parts).map(Words::Nearest);
+        return nearest(parts).map(TextCommand::Nearest);
     }
     let (first, second, third) = (parts.next(), parts.next(), parts.next());
     if is("coil") && parts.next().is_none() {
@@ -66,24 +66,26 @@ pub(super) fn parse(line: &str) -> Result<Words, ParseError> {
         return servo(first, second);
     }
     match first {
-        None if is("help") => Ok(Words::Help),
-        None if is("id") => Ok(Words::Id),
-        None if is("status") => Ok(Words::Status),
-        None if is("limits") => Ok(Words::Limits),
-        None if is("profile") => Ok(Words::Profile),
-        None if is("table") => Ok(Words::Table),
-        None if is("play") => Ok(Words::Do(Command::Play)),
-        None if is("stop") => Ok(Words::Stop),
-        None if is("clear") => Ok(Words::Do(Command::Clear)),
-        None if is("fault") => Ok(Words::Fault),
-        None if is("log") => Ok(Words::Log),
-        None if is("reboot") => Ok(Words::Reboot(RebootTarget::Application)),
-        Some(into) if is("reboot") && into.eq_ignore_ascii_case("loader") => Ok(Words::Reboot(RebootTarget::Loader)),
+        None if is("help") => Ok(TextCommand::Help),
+        None if is("id") => Ok(TextCommand::Id),
+        None if is("status") => Ok(TextCommand::Status),
+        None if is("limits") => Ok(TextCommand::Limits),
+        None if is("profile") => Ok(TextCommand::Profile),
+        None if is("table") => Ok(TextCommand::Table),
+        None if is("play") => Ok(TextCommand::Run(Command::Play)),
+        None if is("stop") => Ok(TextCommand::Stop),
+        None if is("clear") => Ok(TextCommand::Run(Command::Clear)),
+        None if is("fault") => Ok(TextCommand::Fault),
+        None if is("log") => Ok(TextCommand::Log),
+        None if is("reboot") => Ok(TextCommand::Reboot(RebootTarget::Application)),
+        Some(into) if is("reboot") && into.eq_ignore_ascii_case("loader") => {
+            Ok(TextCommand::Reboot(RebootTarget::Loader))
+        }
         _ => Err(ParseError::Unknown),
     }
 }
 
-fn coil(number: Option<&str>, on: Option<&str>, millis: Option<&str>) -> Result<Words, ParseError> {
+fn coil(number: Option<&str>, on: Option<&str>, millis: Option<&str>) -> Result<TextCommand, ParseError> {
     let usage = ParseError::Usage("coil N on MS, as in coil 3 on 200, or coil N off");
     let coil = number.and_then(|text| text.parse().ok()).ok_or(usage)?;
     let on_ms = match (on, millis) {
@@ -91,14 +93,14 @@ fn coil(number: Option<&str>, on: Option<&str>, millis: Option<&str>) -> Result<
         (Some(off), None) if off.eq_ignore_ascii_case("off") => 0,
         _ => return Err(usage),
     };
-    Ok(Words::Do(Command::Coil { coil, on_ms }))
+    Ok(TextCommand::Run(Command::Coil { coil, on_ms }))
 }
 
-fn servo(number: Option<&str>, angle: Option<&str>) -> Result<Words, ParseError> {
+fn servo(number: Option<&str>, angle: Option<&str>) -> Result<TextCommand, ParseError> {
     let usage = ParseError::Usage("servo N DEG, as in servo 0 -12.5");
     let servo = number.and_then(|text| text.parse().ok()).ok_or(usage)?;
     let angle_deg: f32 = angle.and_then(|text| text.parse().ok()).ok_or(usage)?;
-    Ok(Words::Do(Command::Servo { servo, angle_rad: angle_deg.to_radians() }))
+    Ok(TextCommand::Run(Command::Servo { servo, angle_rad: angle_deg.to_radians() }))
 }
 
 /// A pose in mm and degrees: x, y and the angle about z, or x, y, z and a rotation vector.
@@ -119,23 +121,26 @@ fn nearest<'l>(parts: impl Iterator<Item = &'l str>) -> Result<Coordinates, Pars
 
 #[cfg(test)]
 mod tests {
-    use super::{ParseError, Words, parse};
+    use super::{ParseError, TextCommand, parse};
     use darm_core::nearest::Coordinates;
     use darm_core::sequencer::Command;
     use darm_core::wire::bootstrap::RebootTarget;
 
     #[test]
     fn lines_are_commands() {
-        assert_eq!(parse("coil 3 on 200"), Ok(Words::Do(Command::Coil { coil: 3, on_ms: 200 })));
-        assert_eq!(parse("Coil 3 OFF"), Ok(Words::Do(Command::Coil { coil: 3, on_ms: 0 })));
-        assert_eq!(parse("word 010,1 1"), Ok(Words::Do(Command::Word("01011".parse().unwrap()))));
-        assert_eq!(parse("servo 1 -90"), Ok(Words::Do(Command::Servo { servo: 1, angle_rad: -90f32.to_radians() })));
-        assert_eq!(parse("REBOOT loader"), Ok(Words::Reboot(RebootTarget::Loader)));
-        assert_eq!(parse("play"), Ok(Words::Do(Command::Play)));
+        assert_eq!(parse("coil 3 on 200"), Ok(TextCommand::Run(Command::Coil { coil: 3, on_ms: 200 })));
+        assert_eq!(parse("Coil 3 OFF"), Ok(TextCommand::Run(Command::Coil { coil: 3, on_ms: 0 })));
+        assert_eq!(parse("word 010,1 1"), Ok(TextCommand::Run(Command::Word("01011".parse().unwrap()))));
+        assert_eq!(
+            parse("servo 1 -90"),
+            Ok(TextCommand::Run(Command::Servo { servo: 1, angle_rad: -90f32.to_radians() }))
+        );
+        assert_eq!(parse("REBOOT loader"), Ok(TextCommand::Reboot(RebootTarget::Loader)));
+        assert_eq!(parse("play"), Ok(TextCommand::Run(Command::Play)));
         let plane = Coordinates { turn_rad: [0.0, 0.0, 90f32.to_radians()], position_m: [-0.3, 4.2, 0.0] };
-        assert_eq!(parse("nearest -300 4200 90"), Ok(Words::Nearest(plane)));
+        assert_eq!(parse("nearest -300 4200 90"), Ok(TextCommand::Nearest(plane)));
         let space = Coordinates { turn_rad: [0.0, 90f32.to_radians(), 0.0], position_m: [0.1, 0.2, 0.3] };
-        assert_eq!(parse("nearest 100 200 300 0 90 0"), Ok(Words::Nearest(space)));
+        assert_eq!(parse("nearest 100 200 300 0 90 0"), Ok(TextCommand::Nearest(space)));
     }
 
     #[test]

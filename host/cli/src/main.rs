@@ -2,7 +2,6 @@
 
 mod commands;
 mod console;
-mod exchanged;
 mod failure;
 mod finite;
 mod firmware_image;
@@ -13,6 +12,7 @@ mod output_file;
 mod pages;
 mod port;
 mod state_folder;
+mod swapped_files;
 mod ui;
 
 use std::process::ExitCode;

@@ -28,8 +28,8 @@ use darm_diagnose::progress::{Progress, Stage};
 use serde::Serialize;
 
 use crate::hub::Hub;
+use crate::job_queue::JobQueue;
 use crate::refusal::{Kind, Refused};
-use crate::turn::Turn;
 use crate::upload::{MAX_FILES, Upload};
 use crate::upload_memory::{UploadBody, UploadMemory};
 use log::LogView;
@@ -42,8 +42,8 @@ use view::{Corrected, ResultView};
 struct Diagnoses {
     known: Mutex<Known>,
     hub: Arc<Hub>,
-    tables: Turn,
-    logs: Turn,
+    tables: JobQueue,
+    logs: JobQueue,
     memory: UploadMemory,
 }
 
@@ -175,7 +175,7 @@ impl Drop for GiveUp {
 impl Diagnoses {
     fn new(hub: Arc<Hub>) -> Self {
         let (known, memory) = (Mutex::default(), UploadMemory::new());
-        Self { known, hub, tables: Turn::new(), logs: Turn::new(), memory }
+        Self { known, hub, tables: JobQueue::new(), logs: JobQueue::new(), memory }
     }
 
     fn known(&self) -> MutexGuard<'_, Known> {

@@ -24,9 +24,9 @@ use darm_arm::reach::exact::{Options, words_to_choose_from};
 use serde::Serialize;
 
 use crate::hub::Hub;
+use crate::job_queue::{JobQueue, RunningView};
 use crate::picture::{Picture, Posture};
 use crate::refusal::Refused;
-use crate::turn::{RunningView, Turn};
 use check::{invalid, refused};
 use density::{Density, SliceRequest, SliceView};
 use nearest::{NearestRequest, NearestView, Search};
@@ -35,9 +35,9 @@ use order::{OrderRequest, OrderView};
 /// What the requests share.
 struct Reach {
     hub: Arc<Hub>,
-    search: Turn,
-    order: Turn,
-    map: Turn,
+    search: JobQueue,
+    order: JobQueue,
+    map: JobQueue,
     /// The index of the last search, and the density map of the last slice.
     searched: Arc<Mutex<Option<Search>>>,
     mapped: Arc<Mutex<Option<Density>>>,
@@ -48,7 +48,7 @@ type Answer<T> = Result<Json<T>, Refused>;
 
 /// The requests about reach.
 pub(crate) fn router(hub: Arc<Hub>) -> Router {
-    let [search, order, map] = [(); 3].map(|()| Turn::new());
+    let [search, order, map] = [(); 3].map(|()| JobQueue::new());
     let reach = Reach { hub, search, order, map, searched: Arc::default(), mapped: Arc::default() };
     Router::new()
         .route("/api/reach", get(about))

@@ -156,7 +156,7 @@ impl<'t> Coils<'t> {
 
     /// Makes ready for the coils of another table. No coil carries current.
     pub(super) fn load(&mut self, wiring: &Wiring) {
-        self.rest();
+        self.all_off();
         (self.wired, self.latches, self.unknown, self.peaks, self.on) = (0, 0, 0, 0, 0);
         self.supply = wiring.switch_limit;
         self.word = Word::zeros(wiring.actuators.len() as u8).unwrap_or_default();
@@ -191,7 +191,7 @@ impl<'t> Coils<'t> {
 
     /// No coil carries current; latches stay as they are, and a latch whose pulse is cut is unknown. What has flowed so
     /// far stays counted.
-    pub(super) fn rest(&mut self) {
+    pub(super) fn all_off(&mut self) {
         self.ending |= self.fed();
         self.word = Word::zeros(self.word.len() as u8).unwrap_or_default();
         self.wanted = self.word;

@@ -39,7 +39,7 @@ impl Sequencer<'_> {
     }
 
     /// Time in which no tick ran, as while code and tables share a flash that is erased, is no silence of a servo.
-    pub(super) fn excuse_servos(&mut self, since_tick: Micros) {
+    pub(super) fn skip_missed_ticks(&mut self, since_tick: Micros) {
         if since_tick > LATE {
             for answered in self.answered.iter_mut().flatten() {
                 *answered = *answered + since_tick - LATE;
@@ -72,7 +72,7 @@ impl Sequencer<'_> {
     }
 
     /// Every servo does what its profile says for the safe state.
-    pub(super) fn fall_back(&mut self) {
+    pub(super) fn servos_to_fallback(&mut self) {
         self.hold_servos();
         self.servos = [ServoAction::Hold; MAX_SERVOS];
         for (action, servo) in self.servos.iter_mut().zip(&self.profile.servos) {
@@ -151,7 +151,7 @@ impl Sequencer<'_> {
     }
 
     /// Sends the servos that have answered to the joint angles of a row.
-    pub(super) fn aim(&mut self, row: u16, speed: f32) {
+    pub(super) fn command_servos(&mut self, row: u16, speed: f32) {
         let Some(table) = self.table.as_deref() else { return };
         let Some(row) = table.rows().get(usize::from(row)) else { return };
         let joints = table.wiring().servos.iter().zip(&row.servos);

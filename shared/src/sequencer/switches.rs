@@ -45,7 +45,7 @@ impl Switches {
     /// Makes ready for the switches of another table, and expects nothing.
     pub(super) fn load(&mut self) {
         self.watched = 0;
-        self.rest();
+        self.expect_nothing();
     }
 
     /// Takes over the switch of one actuator.
@@ -57,7 +57,7 @@ impl Switches {
     }
 
     /// Nothing is expected of any switch.
-    pub(super) fn rest(&mut self) {
+    pub(super) fn expect_nothing(&mut self) {
         self.travelling = 0;
         self.arrived = 0;
         self.contradicting = 0;
@@ -65,7 +65,7 @@ impl Switches {
 
     /// All actuators may travel from `now` on.
     pub(super) fn begin(&mut self, now: Micros) {
-        self.rest();
+        self.expect_nothing();
         self.travelling = self.watched;
         self.since = [now; MAX_ACTUATORS];
     }

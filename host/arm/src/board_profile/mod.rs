@@ -60,8 +60,8 @@
 mod build;
 mod edit;
 mod fault;
-mod first;
 mod raw;
+mod starting_profile;
 mod wired_board;
 mod write;
 

@@ -64,7 +64,7 @@ pub enum ReachError {
     #[error("the cells are too small for the arm: take larger ones")]
     TooFine,
     /// The arm has servo joints, and frames are wanted that hold for all of their angles.
-    #[error("an arm with servo joints has other frames at every angle: no board holds them, and no search by effects")]
+    #[error("not supported with servo joints: the frames of the arm depend on their angles")]
     Servos,
     /// Nobody waits for the result any more.
     #[error("the search was given up")]

@@ -13,11 +13,11 @@ use serde_json::json;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
-use super::diagnose::how::{How, Task};
+use super::diagnose::options::{DiagnoseOptions, Task};
 use super::diagnose::{Report, page};
-use crate::exchanged::{self, options_without, quoted};
 use crate::failure;
 use crate::output_file::{refuse_existing, refuse_same, write_all};
+use crate::swapped_files::{self, options_without, quoted};
 use crate::ui::{self, Answer, Ui};
 
 const EXAMPLES: &str = "\
@@ -46,7 +46,7 @@ pub(crate) struct Bundle {
     #[arg(value_name = "DATA")]
     data: PathBuf,
     #[command(flatten)]
-    how: How,
+    options: DiagnoseOptions,
     /// Replace the file
     #[arg(long)]
     force: bool,
@@ -75,7 +75,7 @@ struct Outcome {
 
 impl Bundle {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
-        exchanged::refuse(&self.model, &self.data)?;
+        swapped_files::refuse(&self.model, &self.data)?;
         refuse_existing(&[&self.output], self.force)?;
         for input in [&self.model, &self.data] {
             refuse_same(input, &self.output)?;
@@ -112,7 +112,7 @@ impl Bundle {
     /// The diagnosis; one that fails in whatever way is what the bundle is for.
     fn diagnose(&self, ui: Ui) -> Outcome {
         let task = Task { model: &self.model, data: &self.data, new_model: None };
-        let run = || self.how.diagnose(task, ui).and_then(|(diagnosis, _)| self.outcome(diagnosis));
+        let run = || self.options.diagnose(task, ui).and_then(|(diagnosis, _)| self.outcome(diagnosis));
         let error = match catch_unwind(AssertUnwindSafe(run)) {
             Ok(Ok(outcome)) => return outcome,
             Ok(Err(error)) => failure::sentence(&error),

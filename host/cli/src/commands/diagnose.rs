@@ -1,7 +1,7 @@
 //! `darm diagnose`: which effect is missing in the model, where, how large, and how certain that is.
 
-pub(super) mod how;
 mod log;
+pub(super) mod options;
 mod rows;
 
 use std::path::{Path, PathBuf};
@@ -15,11 +15,11 @@ use darm_diagnose::report::numbers::{after, readable, with_interval};
 use darm_measure::Finding;
 use serde::Serialize;
 
-use crate::exchanged;
 use crate::output_file::{self, Syntax};
 use crate::pages::diagnosis::diagnosis_page;
+use crate::swapped_files;
 use crate::ui::{Answer, Ui, columns};
-use how::{How, NewModel, Task};
+use options::{DiagnoseOptions, NewModel, Task};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -69,7 +69,7 @@ pub(crate) struct Diagnose {
     #[arg(long, value_name = "FILE.html", requires = "model")]
     report: Option<PathBuf>,
     #[command(flatten)]
-    how: How,
+    options: DiagnoseOptions,
 }
 
 /// What is printed.
@@ -89,8 +89,8 @@ impl Diagnose {
         if let Some(fault) = darm_measure::import::read::mat_fault(&self.data) {
             return Err(fault.into());
         }
-        let Some(model) = &self.model else { return log::print(&self.data, &self.how, ui) };
-        exchanged::refuse(model, &self.data)?;
+        let Some(model) = &self.model else { return log::print(&self.data, &self.options, ui) };
+        swapped_files::refuse(model, &self.data)?;
         if let Some(path) = &self.output {
             output_file::refuse_other_than_toml(path, &[model])?;
         }
@@ -99,9 +99,9 @@ impl Diagnose {
         }
         let keep = if self.keep_terms { Keep::EffectsAndTerms } else { Keep::Effects };
         let new_model = self.output.as_deref().map(|path| NewModel { path, keep });
-        let asked = self.how.ask(&self.data, ui)?;
+        let asked = self.options.ask(&self.data, ui)?;
         let task = Task { model, data: &self.data, new_model };
-        let found = self.how.diagnose(task, ui).map_err(|error| log::with_conversion(model, &self.data, error));
+        let found = self.options.diagnose(task, ui).map_err(|error| log::with_conversion(model, &self.data, error));
         let (diagnosis, is_written) = found?;
         let output = self.output.clone().filter(|_| is_written);
         if self.output.is_some() && !is_written {

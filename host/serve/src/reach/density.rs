@@ -8,8 +8,8 @@ use darm_arm::reach::map::{Map, Place, Resolution, Spot};
 use serde::{Deserialize, Serialize};
 
 use super::check::{checked_servos, invalid, refused};
+use crate::job_queue::Work;
 use crate::refusal::Refused;
-use crate::turn::Work;
 
 /// Cells from the base to the tool at rest, about.
 const CELLS: f64 = 40.0;
@@ -127,7 +127,7 @@ mod tests {
     use darm_arm::arm::Arm;
 
     use super::{Density, round_up};
-    use crate::turn::Work;
+    use crate::job_queue::Work;
 
     #[test]
     fn a_map_that_nobody_waits_for_is_given_up() {

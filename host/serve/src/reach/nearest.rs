@@ -12,9 +12,9 @@ use darm_core::se::{Pose, rotation_exp};
 use serde::{Deserialize, Serialize};
 
 use super::check::{MAX_M, checked_servos, invalid, refused, word};
+use crate::job_queue::Work;
 use crate::picture::{Picture, Posture, Tool};
 use crate::refusal::Refused;
-use crate::turn::Work;
 
 /// Time limit of a search that is not exact, or that optimises servo angles.
 const LIMIT: Duration = Duration::from_secs(10);

@@ -5,8 +5,8 @@ use darm_arm::reach::path::{Limits, Rest, path_while};
 use serde::{Deserialize, Serialize};
 
 use super::check::{MAX_M, checked_servos, invalid, refused, word};
+use crate::job_queue::Work;
 use crate::refusal::Refused;
-use crate::turn::Work;
 
 /// Two words.
 #[derive(Debug, Deserialize)]

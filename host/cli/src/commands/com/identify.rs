@@ -8,10 +8,10 @@ use darm_robot::robot::base_parameters::{BaseParameter, BaseParameters, Inertial
 use serde::Serialize;
 
 use crate::commands::subject::floating;
-use crate::exchanged;
 use crate::failure::{Usage, in_table};
 use crate::number_text::numbers;
 use crate::output_file::{self, Syntax};
+use crate::swapped_files;
 use crate::ui::{Answer, Ui, columns, number};
 
 const EXAMPLES: &str = "\
@@ -102,7 +102,7 @@ struct FrictionRow {
 
 impl Identify {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
-        exchanged::refuse(&self.robot, &self.samples)?;
+        swapped_files::refuse(&self.robot, &self.samples)?;
         let noise = self.noise()?;
         let robot = floating(&self.robot, self.root.as_deref())?;
         let kind = if self.motion { Kind::Moving } else { Kind::Static };

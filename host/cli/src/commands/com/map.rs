@@ -14,9 +14,9 @@ use darm_robot::source::{Fault, FileError, Place, Source};
 use serde::Serialize;
 
 use crate::commands::subject::floating;
-use crate::exchanged;
 use crate::failure::in_table;
 use crate::output_file::{self, Syntax};
+use crate::swapped_files;
 use crate::ui::{Answer, Ui, number};
 use darm_measure::csv_text::csv_text;
 
@@ -92,7 +92,7 @@ struct Summary {
 impl Map {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         for model in [&self.person, &self.robot, &self.setup] {
-            exchanged::refuse(model, &self.capture)?;
+            swapped_files::refuse(model, &self.capture)?;
         }
         let (average, robot) = (floating(&self.person, None)?, self.robot()?);
         let setup = Setup::read(&self.setup, &average, &robot)?;

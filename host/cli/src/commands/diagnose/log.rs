@@ -9,9 +9,9 @@ use darm_measure::ReadError;
 use darm_measure::import::read::Dialect;
 use serde::Serialize;
 
-use super::how::How;
-use crate::exchanged::{is_model, options_without, quoted};
+use super::options::DiagnoseOptions;
 use crate::failure::{Usage, in_table};
+use crate::swapped_files::{is_model, options_without, quoted};
 use crate::ui::{Answer, Ui, columns, six_digits};
 
 /// Notes that are printed.
@@ -28,14 +28,14 @@ struct Report {
 }
 
 /// Prints what is in a log.
-pub(super) fn print(data: &Path, how: &How, ui: Ui) -> anyhow::Result<()> {
+pub(super) fn print(data: &Path, options: &DiagnoseOptions, ui: Ui) -> anyhow::Result<()> {
     let file = quoted(&data.display().to_string());
     if is_model(data) {
         return Err(
             Usage(format!("{file} is a model; give the measurements after it: darm diagnose {file} DATA")).into()
         );
     }
-    let overview = match how.overview(data)? {
+    let overview = match options.overview(data)? {
         Ok(overview) => overview,
         Err(error) => {
             let converts = is_foreign(&error).then(|| conversion(data, None)).flatten();

@@ -13,7 +13,7 @@ use crate::refusal::{Kind, Refused};
 const MAX_WAITING: usize = 8;
 
 /// One piece of work at a time.
-pub(crate) struct Turn {
+pub(crate) struct JobQueue {
     place: Arc<Semaphore>,
     waiting: AtomicUsize,
     progress: Arc<Mutex<Option<Running>>>,
@@ -41,7 +41,7 @@ pub(crate) struct Work {
     progress: Arc<Mutex<Option<Running>>>,
 }
 
-impl Turn {
+impl JobQueue {
     pub(crate) fn new() -> Self {
         Self { place: Arc::new(Semaphore::new(1)), waiting: AtomicUsize::new(0), progress: Arc::default() }
     }
@@ -148,7 +148,7 @@ mod tests {
     use std::sync::atomic::{AtomicUsize, Ordering};
     use std::time::Duration;
 
-    use super::{MAX_WAITING, Turn};
+    use super::{JobQueue, MAX_WAITING};
 
     fn runtime() -> tokio::runtime::Runtime {
         tokio::runtime::Builder::new_current_thread().enable_time().build().unwrap()
@@ -157,10 +157,10 @@ mod tests {
     #[test]
     fn work_that_nobody_waits_for_ends_and_what_waited_behind_it_does_not_begin() {
         let begun = Arc::new(AtomicUsize::new(0));
-        let turn = Turn::new();
+        let queue = JobQueue::new();
         let endless = |begun: &Arc<AtomicUsize>| {
             let begun = Arc::clone(begun);
-            turn.run(move |work| {
+            queue.run(move |work| {
                 begun.fetch_add(1, Ordering::Relaxed);
                 while work.is_wanted() {
                     std::thread::sleep(Duration::from_millis(1));
@@ -173,25 +173,25 @@ mod tests {
             let (first, second) = (endless(&begun), endless(&begun));
             let both = async { tokio::join!(first, second) };
             assert!(tokio::time::timeout(patience, both).await.is_err());
-            assert_eq!(turn.run(|_| Ok(7)).await.ok(), Some(7));
+            assert_eq!(queue.run(|_| Ok(7)).await.ok(), Some(7));
         });
         assert_eq!(begun.load(Ordering::Relaxed), 1);
-        assert!(turn.running().is_none());
+        assert!(queue.running().is_none());
     }
 
     #[test]
     fn requests_that_wait_are_few() {
-        let turn = Turn::new();
+        let queue = JobQueue::new();
         runtime().block_on(async {
-            let place = Arc::clone(&turn.place).acquire_owned().await.unwrap();
-            let mut waiting: Vec<_> = (0..MAX_WAITING).map(|_| Box::pin(turn.run(|_| Ok(())))).collect();
+            let place = Arc::clone(&queue.place).acquire_owned().await.unwrap();
+            let mut waiting: Vec<_> = (0..MAX_WAITING).map(|_| Box::pin(queue.run(|_| Ok(())))).collect();
             for request in &mut waiting {
                 assert!(tokio::time::timeout(Duration::from_millis(1), request.as_mut()).await.is_err());
             }
-            assert!(turn.run(|_| Ok(())).await.is_err());
+            assert!(queue.run(|_| Ok(())).await.is_err());
             drop(place);
             drop(waiting);
-            assert!(turn.run(|_| Ok(())).await.is_ok());
+            assert!(queue.run(|_| Ok(())).await.is_ok());
         });
     }
 }

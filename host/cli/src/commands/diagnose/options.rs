@@ -21,7 +21,7 @@ use crate::ui::Ui;
 
 /// How a log is diagnosed, whatever is made of it.
 #[derive(clap::Args, Debug)]
-pub(in crate::commands) struct How {
+pub(in crate::commands) struct DiagnoseOptions {
     /// Accept a recording of the table of another arm file
     #[arg(long, requires = "model")]
     other_model: bool,
@@ -57,7 +57,7 @@ pub(in crate::commands) struct NewModel<'a> {
     pub(in crate::commands) keep: Keep,
 }
 
-impl How {
+impl DiagnoseOptions {
     /// What the log has.
     pub(super) fn overview(&self, data: &Path) -> anyhow::Result<Result<Overview, DiagnoseError>> {
         let SignalOptions { preparation, .. } = self.rows.options(self.seed, &self.rejected)?;
