@@ -4,7 +4,6 @@ pub mod arm;
 pub mod board_profile;
 pub mod draw;
 pub mod image;
-pub mod migrate;
 pub mod plan;
 pub mod reach;
 pub mod stops;

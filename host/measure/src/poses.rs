@@ -145,14 +145,12 @@ impl<'a> Columns<'a> {
             in_unit(quantity, unit).ok_or(none)
         };
         let servo = |k: usize| in_unit(&format!("servo{k}"), "rad");
-        // Older files count servos from 1.
-        let first_servo = usize::from(servo(0).is_none());
         Ok(Self {
             table,
             time: needed("time", "s")?,
             word: needed("word", "")?,
             previous: table.quantity("previous"),
-            servos: (first_servo..).map_while(servo).collect(),
+            servos: (0..).map_while(servo).collect(),
             pose: pose.iter().map(|(quantity, unit)| needed(quantity, unit)).collect::<Result<_, _>>()?,
             supply: in_unit("supply", "Pa"),
             temperature: in_unit("temperature", "°C"),

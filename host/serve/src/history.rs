@@ -14,9 +14,9 @@
 //! page can see it: what a page has shown is there after a crash. The end of a run that came while no server ran is read from
 //! the board's events later, as far as the board has kept them.
 
-pub mod migrations;
 mod read;
 mod requests;
+mod schema;
 mod write;
 
 use std::path::{Path, PathBuf};
@@ -59,16 +59,16 @@ pub enum HistoryError {
         /// What SQLite said.
         source: rusqlite::Error,
     },
-    /// A newer program has written it.
+    /// Another version of the program has written it.
     #[error(
-        "{path}: version {found} of the history, this program reads up to {known}; use the newer `darm`, or another --history"
+        "{path}: version {found} of the history, this program reads {known}; use the other `darm`, or another --history"
     )]
-    Newer {
+    Version {
         /// The file.
         path: PathBuf,
         /// Its version.
         found: i64,
-        /// The newest that this program knows.
+        /// That of this program.
         known: i64,
     },
     /// A database that is no history.
@@ -83,11 +83,11 @@ pub enum HistoryError {
 }
 
 impl History {
-    /// Opens the file, makes it where it is missing, and brings it to the newest version.
+    /// Opens the file, and makes it where it is missing.
     ///
     /// # Errors
     ///
-    /// The file cannot be read or written, is no history, or a newer program has written it.
+    /// The file cannot be read or written, is no history, or another version of the program has written it.
     pub fn open(path: &Path) -> Result<Self, HistoryError> {
         if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
             let unwritable = |source| HistoryError::Folder { path: folder.into(), source };
@@ -96,7 +96,7 @@ impl History {
         let in_file = |source| HistoryError::Open { path: path.into(), source };
         let mut connection = Connection::open(path).map_err(in_file)?;
         prepare(&connection).map_err(in_file)?;
-        migrations::migrate(&mut connection, path)?;
+        schema::prepare(&mut connection, path)?;
         Ok(Self { path: path.into(), writer: Mutex::new(connection), problem: Mutex::new(None) })
     }
 

@@ -299,14 +299,8 @@ pub enum FrameFault {
     Empty,
 }
 
-/// Format 1 carried the drives and limits of its board.
 fn unknown_format(found: u32) -> String {
-    match found {
-        1 => "the file has format 1, in which the arm carried the limits of its board; convert it by \
-              `darm profile migrate OLD.toml -o NEW.toml --new-profile PROFILE.toml`"
-            .to_owned(),
-        _ => format!("the file has format {found}, this program reads format {}", super::FORMAT),
-    }
+    format!("the file has format {found}, this program reads format {}", super::FORMAT)
 }
 
 /// Which numbers there are of something: of an arm, or of one of its actuators.

@@ -207,12 +207,6 @@ fn a_file_of_another_kind_is_no_old_arm() {
 fn mistakes_are_told_by_line_and_column() {
     let cases = [
         ("format = 2", "format = 3", "5:10: the file has format 3, this program reads format 2"),
-        (
-            "format = 2",
-            "format = 1",
-            "5:10: the file has format 1, in which the arm carried the limits of its board; convert it by `darm profile \
-             migrate OLD.toml -o NEW.toml --new-profile PROFILE.toml`",
-        ),
         ("model = 0", "model = ", "8:9: string values must be quoted, expected literal string; correct the TOML"),
         (
             "model = 0",

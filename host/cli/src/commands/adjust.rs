@@ -25,7 +25,7 @@ pub(crate) struct Adjust {
     #[arg(value_name = "NEW.toml")]
     new: PathBuf,
     /// Smallest adjustment that is listed, in mm; of an angle at the length scale of the arm
-    #[arg(long = "resolution", alias = "resolution-mm", value_name = "MM", default_value_t = RESOLUTION_MM)]
+    #[arg(long = "resolution", value_name = "MM", default_value_t = RESOLUTION_MM)]
     resolution_mm: f64,
 }
 

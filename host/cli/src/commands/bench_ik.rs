@@ -80,7 +80,7 @@ pub(crate) struct BenchIk {
     link: f64,
     /// Plot the error, mean and 10th to 90th percentile, as this SVG file; without --to a folder for the paper's Figures 8
     /// to 11
-    #[arg(long, alias = "figures", value_name = "FILE.svg|FOLDER")]
+    #[arg(long, value_name = "FILE.svg|FOLDER")]
     plot: Option<PathBuf>,
 }
 

@@ -60,7 +60,7 @@ pub(crate) struct Diagnose {
     #[arg(value_name = "DATA", required = true)]
     data: PathBuf,
     /// Write the model with the effects that were found
-    #[arg(short, long, alias = "write-model", value_name = "NEW.toml", requires = "model")]
+    #[arg(short, long, value_name = "NEW.toml", requires = "model")]
     output: Option<PathBuf>,
     /// Add fitted terms to that model for a residual that no law explains
     #[arg(long, requires = "output")]

@@ -12,7 +12,7 @@ use serde::Serialize;
 use self::arm::of_arm;
 use self::base::{Base, BaseArgs};
 use self::links::LinkRow;
-use super::subject::{Coordinate, Effects, FormerWrench, Posture, Subject, SubjectArgs, WrenchArgs, frame_of, listed};
+use super::subject::{Coordinate, Effects, Posture, Subject, SubjectArgs, WrenchArgs, frame_of, listed};
 use crate::failure::Usage;
 use crate::number_text::numbers;
 use crate::ui::{Answer, Ui, columns, number};
@@ -158,7 +158,7 @@ impl Dynamics {
     }
 
     fn state(&self, robot: &Robot, base: &BaseMotion<f64>, posture: &Posture) -> anyhow::Result<State> {
-        let load = match self.wrench.external(FormerWrench::OnTool)? {
+        let load = match self.wrench.external()? {
             Some(wrench) => Some((frame_of(robot, self.frame.as_deref())?, wrench)),
             None => None,
         };

@@ -74,7 +74,7 @@ struct HandArgs {
     #[arg(long, value_name = "LINK,LINK,LINK,LINK", value_delimiter = ',')]
     tips: Vec<String>,
     /// Radius of the fingertips of a URDF, mm; default: 12
-    #[arg(long, alias = "tip-radius-mm", value_name = "MM")]
+    #[arg(long, value_name = "MM")]
     tip_radius: Option<f64>,
 }
 
@@ -120,7 +120,7 @@ struct Solve {
     #[arg(long, value_name = "N", default_value_t = 10_000)]
     library: usize,
     /// Plot the hand before, during and after the search
-    #[arg(long, alias = "picture", value_name = "FILE.svg")]
+    #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
 }
 
@@ -138,7 +138,7 @@ struct Train {
     #[command(flatten)]
     hand: HandArgs,
     /// Number of constraints
-    #[arg(long, alias = "n", value_name = "N", default_value_t = 10_000)]
+    #[arg(long, value_name = "N", default_value_t = 10_000)]
     constraints: usize,
     /// Number of values of lambda, evenly from 0 to 1
     #[arg(long, value_name = "N", default_value_t = 100)]
@@ -150,10 +150,10 @@ struct Train {
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Save the progress in this file, and resume from it
-    #[arg(short, long, alias = "file", value_name = "FILE.txt")]
+    #[arg(short, long, value_name = "FILE.txt")]
     output: Option<PathBuf>,
     /// Plot figures 4 and 5 of the paper, as SVG files in this folder
-    #[arg(long, alias = "figures", value_name = "FOLDER")]
+    #[arg(long, value_name = "FOLDER")]
     plot: Option<PathBuf>,
 }
 

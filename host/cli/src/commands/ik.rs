@@ -69,13 +69,13 @@ pub(crate) struct Ik {
     #[arg(long, conflicts_with_all = ["method", "compare", "targets", "csv"])]
     all: bool,
     /// Largest number of postures of such a sample
-    #[arg(long, alias = "most", value_name = "N", default_value_t = 12, requires = "all")]
+    #[arg(long, value_name = "N", default_value_t = 12, requires = "all")]
     count: usize,
     /// Tolerance of the position, mm
-    #[arg(long, alias = "tolerance-mm", value_name = "MM", default_value_t = 0.01)]
+    #[arg(long, value_name = "MM", default_value_t = 0.01)]
     tolerance: f64,
     /// Tolerance of the orientation, deg
-    #[arg(long, alias = "tolerance-deg", value_name = "DEG", default_value_t = 0.000_573)]
+    #[arg(long, value_name = "DEG", default_value_t = 0.000_573)]
     angle_tolerance: f64,
     /// Largest number of steps from one start, default 30; iterations of a population method, default 1000
     #[arg(long, value_name = "N")]
@@ -87,7 +87,7 @@ pub(crate) struct Ik {
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     /// Plot the error of the first target over the steps; with --all the postures
-    #[arg(long, alias = "picture", value_name = "FILE.svg")]
+    #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
     /// Print comma-separated values
     #[arg(long)]
@@ -98,11 +98,8 @@ pub(crate) struct Ik {
 #[derive(clap::Args, Debug)]
 pub(super) struct OrientationArgs {
     /// Orientation of the frame: rotation vector (axis times angle) along the axes of the base, deg; default: any
-    #[arg(long, value_name = "RX,RY,RZ", allow_hyphen_values = true, requires = "to", conflicts_with = "angles")]
+    #[arg(long, value_name = "RX,RY,RZ", allow_hyphen_values = true, requires = "to")]
     rotation: Option<String>,
-    /// Former option: Z-Y-X Euler angles, about z, the new y, the newest x, deg
-    #[arg(long, value_name = "Z,Y,X", allow_hyphen_values = true, requires = "to", hide = true)]
-    angles: Option<String>,
 }
 
 /// A pose to reach, with or without its orientation.
@@ -222,15 +219,11 @@ impl Target {
     /// Parses a position in mm and an orientation in deg.
     pub(super) fn parse(to: &str, orientation: &OrientationArgs) -> Result<Self, Usage> {
         let position = three(to, "--to")? * 1e-3;
-        let pose = match (&orientation.rotation, &orientation.angles) {
-            (Some(rotation), _) => Pose::new(&three(rotation, "--rotation")?.map(f64::to_radians), position),
-            (None, Some(angles)) => {
-                let angles = three(angles, "--angles")?.map(f64::to_radians);
-                Pose::from(&PoseVector { angles, position })
-            }
-            (None, None) => return Ok(Self { pose: Pose::at(position), is_oriented: false }),
+        let Some(rotation) = &orientation.rotation else {
+            return Ok(Self { pose: Pose::at(position), is_oriented: false });
         };
-        Ok(Self { pose, is_oriented: true })
+        let rotation = three(rotation, "--rotation")?.map(f64::to_radians);
+        Ok(Self { pose: Pose::new(&rotation, position), is_oriented: true })
     }
 }
 

@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use self::euler::Euler;
 use self::velocity::{Forward, Inverse, TWIST_COLUMNS};
-use super::subject::{Coordinate, FormerWrench, Posture, SubjectArgs, WrenchArgs, listed, twist};
+use super::subject::{Coordinate, Posture, SubjectArgs, WrenchArgs, listed, twist};
 use crate::failure::Usage;
 use crate::number_text::numbers;
 use crate::ui::{Answer, Ui, columns, number};
@@ -132,7 +132,7 @@ impl Jacobian {
             posture.qd = listed(qd, &shown, "--qd")?;
         }
         // The joints hold the opposite of what the environment exerts.
-        let external = self.wrench.external(FormerWrench::ByTool)?;
+        let external = self.wrench.external()?;
         let requests = Requests {
             shown: &shown,
             wrench: external.map(|w| Wrench { moment: -w.moment, force: -w.force }),

@@ -40,13 +40,13 @@ pub(crate) struct Map {
     #[command(flatten)]
     servos: ServoArgs,
     /// Plot the density, summed along the line of sight
-    #[arg(long, alias = "picture", value_name = "FILE.svg")]
+    #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
     /// Plane of the plot; default: xy for a planar arm, else xz
     #[arg(long, value_enum)]
     view: Option<View>,
     /// Write the densities
-    #[arg(short, long, alias = "csv", value_name = "FILE.csv")]
+    #[arg(short, long, value_name = "FILE.csv")]
     output: Option<PathBuf>,
 }
 

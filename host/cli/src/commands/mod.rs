@@ -82,7 +82,6 @@ Units, signs and numbering: `darm help conventions`.";
 #[derive(clap::Subcommand, Debug)]
 pub(crate) enum Command {
     Synth(synth::Synth),
-    #[command(alias = "stops")]
     Adjust(adjust::Adjust),
     Nearest(nearest::Nearest),
     Map(map::Map),
@@ -101,7 +100,6 @@ pub(crate) enum Command {
     Serve(serve::Serve),
     Console(console::Console),
     Flash(flash::Flash),
-    #[command(alias = "plant")]
     Sim(sim::Sim),
     Profile(profile::Command),
     Fk(fk::Fk),

@@ -47,13 +47,13 @@ pub(crate) struct Nearest {
     #[arg(value_name = "POSE", allow_hyphen_values = true)]
     pose: String,
     /// Number of words to list
-    #[arg(long, alias = "k", short_alias = 'k', value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1)]
     count: usize,
     /// Exclude words: digits, * for any
     #[arg(long, value_name = "PATTERN", num_args = 1..)]
     forbid: Vec<String>,
     /// Actuators that are stuck in one state
-    #[arg(long, alias = "dead", value_name = "ACTUATOR=STATE", num_args = 1..)]
+    #[arg(long, value_name = "ACTUATOR=STATE", num_args = 1..)]
     stuck: Vec<String>,
     /// Among the words within --within, find the one that switches the fewest actuators from this word
     #[arg(long, value_name = "WORD", requires = "within")]
@@ -76,7 +76,7 @@ pub(crate) struct Nearest {
     #[arg(long, conflicts_with_all = ["forbid", "from", "position_only", "gap", "seconds"])]
     effects: bool,
     /// Let the board search the frames in its table (`darm table --nearest`); not exact
-    #[arg(long, alias = "board", conflicts_with_all = ["count", "forbid", "stuck", "from", "position_only", "ServoArgs", "gap", "seconds", "effects"])]
+    #[arg(long, conflicts_with_all = ["count", "forbid", "stuck", "from", "position_only", "ServoArgs", "gap", "seconds", "effects"])]
     on_board: bool,
     #[command(flatten)]
     port: PortArgs,

@@ -35,10 +35,10 @@ pub(crate) struct Path {
     #[arg(value_name = "TO")]
     to: String,
     /// Largest distance of a resting tool from the straight line, in mm
-    #[arg(long, alias = "tube", value_name = "MM")]
+    #[arg(long, value_name = "MM")]
     deviation: f64,
     /// Largest number of actuators that switch together; default: what the board's supply can feed
-    #[arg(long, alias = "at-once", value_name = "N")]
+    #[arg(long, value_name = "N")]
     max_switches: Option<usize>,
     /// Profile of the board; default: the one that the arm names, else the one built into boards
     #[arg(long, value_name = "PROFILE.toml")]

@@ -7,7 +7,6 @@ use std::time::{Duration, Instant};
 
 use darm_arm::arm::{Arm, Servo};
 use darm_arm::board_profile::BoardProfile;
-use darm_arm::migrate;
 use darm_arm::wired_arm::WiredArm;
 use darm_core::profile::Servo as ProfileServo;
 use darm_core::wire::message::Refusal;
@@ -29,10 +28,7 @@ Examples:
 
 A board accepts a profile only while a person holds its user button (B2, blue, on the B-L475E-IOT01A), then restarts \
 with it. A table can tighten a profile and never widen it. Without a profile a board drives 16 outputs for at most 1 s \
-in 10 s, one at a time, and no servo.
-
-An arm file of format 1 contained the drives and limits of its board. `darm profile migrate` splits it into arm and \
-profile; then write the profile to the board, remake every table with `darm table` and upload it.";
+in 10 s, one at a time, and no servo.";
 
 const WRITE_EXAMPLES: &str = "\
 Examples:
@@ -67,24 +63,6 @@ enum Action {
         #[arg(short, long, value_name = "PROFILE.toml")]
         output: PathBuf,
         /// Overwrite the file
-        #[arg(long)]
-        force: bool,
-    },
-    /// Split an arm file of format 1 into an arm file of the present format and the profile of its board
-    #[command(
-        after_help = "Examples:\n  darm profile migrate planar4-format-1.toml -o new.toml --new-profile new.profile.toml"
-    )]
-    Migrate {
-        /// The arm file of format 1
-        #[arg(value_name = "OLD_ARM.toml")]
-        old: PathBuf,
-        /// Arm file to write; it names the profile and keeps comments and layout
-        #[arg(short, long, value_name = "NEW_ARM.toml")]
-        output: PathBuf,
-        /// Profile to write
-        #[arg(long, alias = "profile", value_name = "PROFILE.toml")]
-        new_profile: PathBuf,
-        /// Overwrite the files
         #[arg(long)]
         force: bool,
     },
@@ -133,7 +111,6 @@ impl Command {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         match &self.action {
             Action::Make { arm, output, force } => make(arm, output, *force, ui),
-            Action::Migrate { old, output, new_profile, force } => migrate(old, output, new_profile, *force, ui),
             Action::Check { profile, arm } => check(profile, arm.as_deref(), ui),
             Action::Write { profile, arm, port } => {
                 let profile = match (profile, arm) {
@@ -183,15 +160,6 @@ fn make(arm: &Path, output: &Path, force: bool, ui: Ui) -> anyhow::Result<()> {
         });
     }
     ui.print(&Made::new(&profile, Some(output), "edit it before writing it to a board; written"))
-}
-
-fn migrate(old: &Path, output: &Path, profile: &Path, force: bool, ui: Ui) -> anyhow::Result<()> {
-    output_file::refuse_same(output, profile)?;
-    let made = migrate::read(old, output, profile)?;
-    output_file::refuse_existing(&[output, profile], force)?;
-    output_file::write_all(&[(output, made.arm.as_bytes()), (profile, made.profile_text.as_bytes())])?;
-    ui.note(&format!("the arm is in {}; remake its tables", output.display()));
-    ui.print(&Made::new(&made.profile, Some(profile), "written"))
 }
 
 fn check(path: &Path, arm: Option<&Path>, ui: Ui) -> anyhow::Result<()> {

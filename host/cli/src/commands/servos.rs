@@ -5,31 +5,23 @@ use darm_arm::arm::Arm;
 use super::subject::{listed, servo_joints};
 use crate::failure::Usage;
 
-/// The positions, by one of two options.
+/// The positions.
 #[derive(clap::Args, Debug)]
 pub(crate) struct ServoArgs {
     /// Positions of the servo joints, base first, in deg, or with a unit: 0.5rad
-    #[arg(long, value_name = "Q,Q,…", allow_hyphen_values = true, conflicts_with = "servos")]
+    #[arg(long, value_name = "Q,Q,…", allow_hyphen_values = true)]
     q: Option<String>,
-    /// Former name, with blanks between the numbers
-    #[arg(long, value_name = "DEG", num_args = 1.., allow_negative_numbers = true, hide = true)]
-    servos: Vec<f64>,
 }
 
 impl ServoArgs {
     /// Whether any are given.
     pub(crate) fn are_given(&self) -> bool {
-        self.q.is_some() || !self.servos.is_empty()
+        self.q.is_some()
     }
 
     /// The given positions, rad; `None` where none are given.
     pub(crate) fn given_rad(&self, arm: &Arm) -> Result<Option<Vec<f64>>, Usage> {
-        let text = match (&self.q, &self.servos[..]) {
-            (Some(text), _) => text.clone(),
-            (None, []) => return Ok(None),
-            (None, servos) => servos.iter().map(f64::to_string).collect::<Vec<_>>().join(","),
-        };
-        listed(&text, &servo_joints(arm), "--q").map(Some)
+        self.q.as_deref().map(|text| listed(text, &servo_joints(arm), "--q")).transpose()
     }
 
     /// The same, all 0 by default.

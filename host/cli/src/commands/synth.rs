@@ -49,10 +49,10 @@ pub(crate) struct Synth {
     #[arg(short, long, value_name = "NEW.toml")]
     output: PathBuf,
     /// Write the frames with the servo angles and words that were found
-    #[arg(long, alias = "frames-out", value_name = "FRAMES.toml")]
+    #[arg(long, value_name = "FRAMES.toml")]
     write_frames: Option<PathBuf>,
     /// Draw the new arm in each frame, as SVG files in this folder
-    #[arg(long, alias = "draw", value_name = "FOLDER")]
+    #[arg(long, value_name = "FOLDER")]
     plot: Option<PathBuf>,
     /// Accept the closest geometry where not all frames can be reached
     #[arg(long)]
@@ -64,13 +64,13 @@ pub(crate) struct Synth {
     #[arg(long, value_name = "FILE.csv", group = "task")]
     catalogue: Option<PathBuf>,
     /// Minimise the sensitivity of the frames to errors of stops and anchors of this size, mm
-    #[arg(long, alias = "tolerance", value_name = "STOP[,ANCHOR]", value_parser = tolerance, group = "task")]
+    #[arg(long, value_name = "STOP[,ANCHOR]", value_parser = tolerance, group = "task")]
     part_error: Option<Tolerance>,
     /// Adjustment of the stops that is accepted for halving the sensitivity (RSS, mm)
-    #[arg(long, alias = "worth", value_name = "MM", default_value_t = 1000.0, requires = "part_error")]
+    #[arg(long, value_name = "MM", default_value_t = 1000.0, requires = "part_error")]
     adjustment_per_halving: f64,
     /// Repair: repeat the synthesis with an actuator that is stuck in one state
-    #[arg(long, alias = "repair", value_name = "ACTUATOR=STATE", value_parser = stuck_actuator, group = "task")]
+    #[arg(long, value_name = "ACTUATOR=STATE", value_parser = stuck_actuator, group = "task")]
     stuck: Option<StuckActuator>,
     /// Keep the stops of the stuck actuator: it is jammed, and no screw moves it
     #[arg(long, requires = "stuck")]

@@ -54,10 +54,10 @@ pub(crate) struct Table {
     #[command(flatten)]
     servos: ServoArgs,
     /// Visit the words that are most informative about missing effects
-    #[arg(long, alias = "programme")]
+    #[arg(long)]
     measurement_plan: bool,
     /// Number of different words in the measurement plan
-    #[arg(long, alias = "size", value_name = "N", default_value_t = 96, requires = "measurement_plan")]
+    #[arg(long, value_name = "N", default_value_t = 96, requires = "measurement_plan")]
     plan_words: usize,
     /// Seed of the measurement plan and of its held-out words
     #[arg(long, value_name = "N", default_value_t = 1, requires = "measurement_plan")]

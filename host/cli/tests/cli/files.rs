@@ -67,15 +67,3 @@ fn a_recording_replaces_a_measurement_with_force_only() {
         home.succeeds(&format!("record one.darm -o {file} --force {}", board.port));
     }
 }
-
-#[test]
-fn an_arm_and_its_profile_are_two_files_or_none() {
-    let home = Home::new();
-    let old = example("../tests/data/arms-format-1/planar4.toml");
-    let same = "darm: both.toml and ./both.toml are the same file; choose two different names";
-    home.fails(&format!("profile migrate {old} -o both.toml --new-profile ./both.toml"), 1, same);
-    assert!(!home.path("both.toml").exists());
-    let output = home.darm(&format!("profile migrate {old} -o arm.toml --new-profile missing/board.toml"));
-    assert_eq!(output.status.code(), Some(1), "{output:?}");
-    assert!(!home.path("arm.toml").exists(), "a failed second file leaves no first one");
-}

@@ -99,7 +99,7 @@ fn messages_name_ports_profiles_and_refused_lines() {
     let script = script.stdin(std::fs::File::open(home.path("script")).unwrap()).output().unwrap();
     assert_eq!(script.status.code(), Some(3));
     assert!(text(&script.stderr).contains("the board refused 1 of the lines"), "{}", text(&script.stderr));
-    for command in ["make", "migrate", "check", "write", "show"] {
+    for command in ["make", "check", "write", "show"] {
         let help = home.succeeds(&format!("profile {command} --help"));
         assert!(help.contains("Examples:\n  darm profile "), "{command}: {help}");
     }

@@ -15,7 +15,6 @@ mod examples;
 mod file_errors;
 mod files;
 mod formats;
-mod former_names;
 mod hostile;
 mod import;
 mod json_keys;

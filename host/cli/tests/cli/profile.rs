@@ -1,52 +1,6 @@
-//! Profiles of boards: made for an arm, split off an arm file of format 1, checked, and stored on a board.
+//! Profiles of boards: made for an arm, checked, and stored on a board.
 
 use super::{Board, Home, example, text};
-
-/// An arm file of format 1, with its profile in it.
-fn old() -> String {
-    example("../tests/data/arms-format-1/planar4.toml")
-}
-
-#[test]
-fn an_arm_file_of_format_1_is_refused_with_a_fix_and_split_in_two() {
-    let home = Home::new();
-    std::fs::copy(old(), home.path("old.toml")).unwrap();
-    let message = "darm: old.toml:5:10: the file has format 1, in which the arm carried the limits of its board; convert it \
-                   by `darm profile migrate OLD.toml -o NEW.toml --new-profile PROFILE.toml`";
-    for line in [
-        "table old.toml --words 000010000000 -o one.darm",
-        "fk old.toml --word 000010000000",
-        "stops old.toml old.toml",
-    ] {
-        home.fails(line, 1, message);
-    }
-    std::fs::create_dir(home.path("boards")).unwrap();
-    let migrate = "profile migrate old.toml -o arm.toml --new-profile boards/valves.toml";
-    let made = home.json(migrate);
-    assert_eq!((&made["outputs"], &made["name"]), (&12.into(), &"planar4".into()));
-    home.fails(migrate, 1, "darm: arm.toml exists; overwrite it with --force");
-    home.succeeds(&format!("{migrate} --force"));
-    home.fails(
-        "profile migrate arm.toml -o b.toml --new-profile b.profile.toml",
-        1,
-        "darm: arm.toml:5:10: the file has format 2; only files of format 1 are brought over",
-    );
-    let old = std::fs::read_to_string(home.path("old.toml")).unwrap();
-    let outside = old.replacen("coil = { ", "coil = { output = 300, ", 1);
-    assert_ne!(outside, old);
-    std::fs::write(home.path("outside.toml"), outside).unwrap();
-    home.fails(
-        "profile migrate outside.toml -o b.toml --new-profile b.profile.toml",
-        1,
-        "darm: outside.toml: the drives and limits of this arm make no profile: invalid value: integer `300`, expected u8; correct the TOML",
-    );
-    let checked = home.json("profile check boards/valves.toml --arm arm.toml");
-    assert_eq!(checked["digest"], made["digest"]);
-    home.succeeds("table arm.toml --words 000010000000 -o one.darm");
-    let shown = home.json("table --show one.darm");
-    assert_eq!(shown["profile"], made["digest"]);
-    assert_eq!(shown["outputs"][4]["duty_percent"], 100);
-}
 
 #[test]
 fn a_synthesised_arm_names_the_profile_of_the_initial_arm() {

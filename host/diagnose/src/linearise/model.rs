@@ -146,7 +146,6 @@ struct RawRobot {
 enum Observed {
     Torque,
     Wrench,
-    #[serde(alias = "closure")]
     PointContact,
     ToolPosition,
     ToolPose,

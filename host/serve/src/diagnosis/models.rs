@@ -101,7 +101,7 @@ impl OriginView {
     }
 }
 
-/// A name that a file can have; earlier versions kept the arm of the server under the name inside its file.
+/// A name that a file can have: what a page sends is any text.
 fn as_file_name(name: &str) -> String {
     let is_file = [".toml", ".urdf", ".xml"].iter().any(|end| name.to_lowercase().ends_with(end));
     let plain: String = name.chars().map(|c| if c.is_control() || "/\\:".contains(c) { '-' } else { c }).collect();

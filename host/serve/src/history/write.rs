@@ -112,7 +112,7 @@ impl History {
         self.noted(written)
     }
 
-    /// Records a model. A known one gets a parent that it did not have, and this name: earlier versions recorded that inside the file.
+    /// Records a model. A known one gets a parent that it did not have, and this name.
     ///
     /// # Errors
     ///

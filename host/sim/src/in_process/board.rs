@@ -26,7 +26,7 @@ use darm_firmware::pipe::{Pipe, PipeReader, PipeWriter};
 use darm_firmware::servo::Bus;
 use darm_firmware::solenoid::{self, Chain, ReadBack};
 use darm_firmware::store::SLOT_BYTES;
-use darm_firmware::tick::{WatchdogAction, Ticker};
+use darm_firmware::tick::{Ticker, WatchdogAction};
 use embassy_futures::select::{Either3, select3};
 use embedded_hal::digital::{ErrorType, InputPin, OutputPin};
 use embedded_storage_async::nor_flash::NorFlash;

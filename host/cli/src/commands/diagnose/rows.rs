@@ -25,10 +25,10 @@ pub(super) struct RowOptions {
     #[arg(long, value_name = "COLUMN", group = "held_out_rows")]
     hold_out_each: Option<String>,
     /// Hold out the rows where a column is not 0
-    #[arg(long, alias = "split", value_name = "COLUMN", group = "held_out_rows")]
+    #[arg(long, value_name = "COLUMN", group = "held_out_rows")]
     hold_out_column: Option<String>,
     /// Columns whose values separate the rows into segments
-    #[arg(long, value_name = "COLUMN,…", value_delimiter = ',', alias = "within")]
+    #[arg(long, value_name = "COLUMN,…", value_delimiter = ',')]
     segment_by: Vec<String>,
     /// Sampling rate, where the table has no time
     #[arg(long, value_name = "HZ")]
@@ -43,13 +43,13 @@ pub(super) struct RowOptions {
     #[arg(long, value_name = "COLUMN")]
     interpolate: Option<String>,
     /// Skip rows within this time after a change of target
-    #[arg(long, alias = "settled", value_name = "S")]
+    #[arg(long, value_name = "S")]
     skip_after_change: Option<f64>,
     /// Laws to include from the start
     #[arg(long, requires = "model", value_name = "LAW,…", value_delimiter = ',')]
     pub(super) always: Vec<String>,
     /// Meaning of columns with other names, such as `load=duty,position_count=pos`
-    #[arg(long = "column", alias = "map", value_name = "NAME=COLUMN,…", value_delimiter = ',')]
+    #[arg(long = "column", value_name = "NAME=COLUMN,…", value_delimiter = ',')]
     columns: Vec<String>,
 }
 

@@ -307,38 +307,20 @@ impl From<&Pose<f64>> for PoseReport {
 #[derive(clap::Args, Debug)]
 pub(crate) struct WrenchArgs {
     /// Wrench that the environment exerts on the frame, along the axes of the base: moments in N m, then forces in N
-    #[arg(long, value_name = "MX,MY,MZ,FX,FY,FZ", allow_hyphen_values = true, conflicts_with = "wrench")]
+    #[arg(long, value_name = "MX,MY,MZ,FX,FY,FZ", allow_hyphen_values = true)]
     external_wrench: Option<String>,
-    /// Former name; its sign differs between commands
-    #[arg(long, value_name = "MX,MY,MZ,FX,FY,FZ", allow_hyphen_values = true, hide = true)]
-    wrench: Option<String>,
-}
-
-/// What the former option `--wrench` of a command meant.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum FormerWrench {
-    /// What the environment exerts on the frame.
-    OnTool,
-    /// What the tool exerts on the environment.
-    ByTool,
 }
 
 impl WrenchArgs {
     /// What the environment exerts on the frame, if given.
-    pub(crate) fn external(&self, former: FormerWrench) -> Result<Option<Wrench<f64>>, Usage> {
-        if let Some(text) = &self.external_wrench {
-            return wrench(text, "--external-wrench").map(Some);
-        }
-        let given = self.wrench.as_deref().map(|text| wrench(text, "--wrench")).transpose()?;
-        Ok(given.map(|given| match former {
-            FormerWrench::OnTool => given,
-            FormerWrench::ByTool => Wrench { moment: -given.moment, force: -given.force },
-        }))
+    pub(crate) fn external(&self) -> Result<Option<Wrench<f64>>, Usage> {
+        self.external_wrench.as_deref().map(wrench).transpose()
     }
 }
 
 /// Six numbers separated by commas: moments, then forces.
-fn wrench(text: &str, option: &str) -> Result<Wrench<f64>, Usage> {
+fn wrench(text: &str) -> Result<Wrench<f64>, Usage> {
+    let option = "--external-wrench";
     match numbers(text, option)?[..] {
         [a, b, c, x, y, z] => Ok(Wrench { moment: [a, b, c].into(), force: [x, y, z].into() }),
         _ => Err(Usage(format!(
