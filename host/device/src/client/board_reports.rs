@@ -5,9 +5,10 @@ use darm_core::units::Micros;
 use darm_core::wire::bootstrap::CrashRecord;
 use darm_core::wire::health::Health;
 use darm_core::wire::inputs::InputChanges;
-use darm_core::wire::message::{Answer, Refusal, Request};
+use darm_core::wire::message::Refusal;
 
-use super::{AnswerError, Client, ClientError};
+use super::question::{self, Question};
+use super::{Client, ClientError};
 
 impl Client {
     /// Board time at which the board answered last; 0 before its first answer.
@@ -21,11 +22,7 @@ impl Client {
     ///
     /// As [`status`](Self::status).
     pub fn health(&mut self) -> Result<Option<Health>, ClientError> {
-        match self.ask_if_known("health", &Request::Health)? {
-            Some(Answer::Health(health)) => Ok(Some(health)),
-            Some(_) => Err(AnswerError::Payload { request: "health" }.into()),
-            None => Ok(None),
-        }
+        self.ask_if_known(&question::health())
     }
 
     /// What happened before the board's last start, as far as it has kept it, the newest first. Times are those of their start,
@@ -37,11 +34,9 @@ impl Client {
     pub fn past_events(&mut self) -> Result<Vec<(Micros, Event)>, ClientError> {
         let mut events = Vec::new();
         loop {
-            match self.ask_if_known("past events", &Request::PastEvents { skip: events.len() as u32 })? {
-                Some(Answer::PastEvents(more)) if more.is_empty() => return Ok(events),
-                Some(Answer::PastEvents(more)) => events.extend(more),
-                Some(_) => return Err(AnswerError::Payload { request: "past events" }.into()),
-                None => return Ok(events),
+            match self.ask_if_known(&question::past_events(events.len() as u32))? {
+                Some(more) if !more.is_empty() => events.extend(more),
+                Some(_) | None => return Ok(events),
             }
         }
     }
@@ -53,13 +48,10 @@ impl Client {
     /// As [`status`](Self::status).
     pub fn past_crashes(&mut self) -> Result<Vec<CrashRecord>, ClientError> {
         let mut crashes = Vec::new();
-        loop {
-            match self.ask_if_known("past crash", &Request::PastCrash { back: crashes.len() as u8 })? {
-                Some(Answer::PastCrash(Some(crash))) => crashes.push(crash),
-                Some(Answer::PastCrash(None)) | None => return Ok(crashes),
-                Some(_) => return Err(AnswerError::Payload { request: "past crash" }.into()),
-            }
+        while let Some(crash) = self.ask_if_known(&question::past_crash(crashes.len() as u8))?.flatten() {
+            crashes.push(crash);
         }
+        Ok(crashes)
     }
 
     /// Changes of the inputs from a number on, as many as fit an answer; `None` from firmware that does not know the request.
@@ -68,15 +60,11 @@ impl Client {
     ///
     /// As [`status`](Self::status).
     pub fn input_changes(&mut self, from: u32) -> Result<Option<InputChanges>, ClientError> {
-        match self.ask_if_known("inputs", &Request::Inputs { from })? {
-            Some(Answer::Inputs(changes)) => Ok(Some(changes)),
-            Some(_) => Err(AnswerError::Payload { request: "inputs" }.into()),
-            None => Ok(None),
-        }
+        self.ask_if_known(&question::inputs(from))
     }
 
-    fn ask_if_known(&mut self, name: &'static str, request: &Request) -> Result<Option<Answer>, ClientError> {
-        match self.ask(name, request) {
+    fn ask_if_known<T>(&mut self, question: &Question<'_, T>) -> Result<Option<T>, ClientError> {
+        match self.ask(question) {
             Err(ClientError::Refused(Refusal::Unknown)) => Ok(None),
             answer => answer.map(Some),
         }

@@ -5,9 +5,10 @@ use std::time::Duration;
 use darm_core::units::Micros;
 use darm_core::wire::bootstrap;
 use darm_core::wire::frame::{self, FrameError, Header, MAX_FRAME};
-use darm_core::wire::message::{Answer, REPLY, REQUEST, Refusal, Reply, Request};
+use darm_core::wire::message::{REPLY, REQUEST, Refusal, Reply, Request};
 
 use super::error::{AnswerError, ClientError, TransportError};
+use super::question::Question;
 use super::reader::{Piece, Reader};
 use super::retry_timer::RetryTimer;
 use crate::clock::{BoardClock, RoundTrip};
@@ -179,12 +180,13 @@ impl Exchange {
     }
 
     /// Asks a question of the protocol.
-    pub(super) fn ask(&mut self, name: &'static str, request: &Request<'_>) -> Result<Answer, ClientError> {
+    pub(super) fn ask<T>(&mut self, question: &Question<'_, T>) -> Result<T, ClientError> {
+        let Question { name, request, .. } = question;
         let patience_s = if request.is_repeatable() { PATIENCE_S } else { STORE_PATIENCE_S };
         let (header, bytes) = self.prepare(request)?;
         let answered = Header { tag: REPLY, ..header };
         let Exchanged { arrival, sent_s, attempts } = self.exchange(&bytes, answered, patience_s)?;
-        match self.open(name, &arrival, sent_s) {
+        match self.open(question, &arrival, sent_s) {
             Err(ClientError::Refused(Refusal::NotConnected)) if attempts > 1 && acts_once(request) => {
                 Err(TransportError::OutcomeUnknown { port: self.link.name().to_owned(), request: name }.into())
             }
@@ -202,14 +204,19 @@ impl Exchange {
         Ok((header, bytes))
     }
 
-    /// Reads a reply whose request was first sent at `sent_s`.
-    pub(super) fn open(&mut self, name: &'static str, arrival: &Arrival, sent_s: f64) -> Result<Answer, ClientError> {
+    /// Reads the reply to a question that was first sent at `sent_s`.
+    pub(super) fn open<T>(
+        &mut self,
+        question: &Question<'_, T>,
+        arrival: &Arrival,
+        sent_s: f64,
+    ) -> Result<T, ClientError> {
         let reply: Reply =
-            postcard::from_bytes(&arrival.payload).map_err(|_| AnswerError::Payload { request: name })?;
+            postcard::from_bytes(&arrival.payload).map_err(|_| AnswerError::Payload { request: question.name })?;
         self.answered_at = reply.at;
         let board_s = 1e-6 * reply.at.0 as f64;
         self.clock.observe(RoundTrip { sent_s, board_s, received_s: arrival.received_s });
-        reply.result.map_err(ClientError::Refused)
+        Ok(question.read(reply.result.map_err(ClientError::Refused)?)?)
     }
 
     /// Sends a complete frame.

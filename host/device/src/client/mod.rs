@@ -16,6 +16,7 @@ mod error;
 mod exchange;
 #[cfg(test)]
 mod fake;
+mod question;
 mod reader;
 mod retry_timer;
 pub mod stop;
@@ -30,13 +31,14 @@ use darm_core::sequencer::{Command, Event};
 use darm_core::units::Micros;
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{self, CrashRecord, Identity, RebootTarget, Stopped, Version};
-use darm_core::wire::message::{Answer, Calibration, Hello, OutputState, Refusal, Request, Status};
+use darm_core::wire::message::{Calibration, Hello, OutputState, Refusal, Status};
 
 use crate::clock::{BoardClock, host_now_s};
 use crate::link::{Link, LinkError};
 pub use error::{AnswerError, ClientError, TransportError};
 pub use exchange::Counts;
 use exchange::Exchange;
+use question::Question;
 use stop::Confirmation;
 pub use upload::Progress;
 
@@ -102,12 +104,11 @@ impl Client {
         self.exchange.new_connection();
         loop {
             tries += 1;
-            match self.exchange.ask("hello", &Request::Hello { protocol: PROTOCOL, challenge }) {
-                Ok(Answer::Hello(hello)) => {
+            match self.exchange.ask(&question::hello(challenge)) {
+                Ok(hello) => {
                     self.hello = Some(hello.clone());
                     return Ok(hello);
                 }
-                Ok(_) => return Err(AnswerError::Payload { request: "hello" }.into()),
                 Err(ClientError::Refused(Refusal::Challenge { challenge: last })) if tries < HELLOS => challenge = last,
                 Err(error) => return Err(error),
             }
@@ -242,10 +243,7 @@ impl Client {
     /// [`ClientError::Transport`]: the port fails, or no answer comes. [`ClientError::Frame`]: what comes is not a
     /// valid answer. [`ClientError::Refused`]: the board is of another protocol version, or its connection has ended.
     pub fn status(&mut self) -> Result<Status, ClientError> {
-        match self.ask("status", &Request::Status)? {
-            Answer::Status(status) => Ok(status),
-            _ => Err(AnswerError::Payload { request: "status" }.into()),
-        }
+        self.ask(&question::status())
     }
 
     /// Up to eight things that happened, from a number on; the first number is larger where older ones are lost.
@@ -254,13 +252,9 @@ impl Client {
     ///
     /// As [`status`](Self::status).
     pub fn events(&mut self, from: u32) -> Result<Vec<TimedEvent>, ClientError> {
-        match self.ask("events", &Request::Events { from })? {
-            Answer::Events(events) => {
-                let numbered = (events.first..).zip(events.list);
-                Ok(numbered.map(|(number, (at, event))| TimedEvent { number, at, event }).collect())
-            }
-            _ => Err(AnswerError::Payload { request: "events" }.into()),
-        }
+        let events = self.ask(&question::events(from))?;
+        let numbered = (events.first..).zip(events.list);
+        Ok(numbered.map(|(number, (at, event))| TimedEvent { number, at, event }).collect())
     }
 
     /// Asks a few times for the status, so that the board's time is known as well as the line allows.
@@ -281,7 +275,7 @@ impl Client {
     ///
     /// As [`status`](Self::status); [`ClientError::Refused`] also where the sequencer refuses the command.
     pub fn command(&mut self, command: Command) -> Result<(), ClientError> {
-        self.expect_done("command", &Request::Command(command))
+        self.ask(&question::command(command))
     }
 
     /// Stores the servos' zero offsets on the board.
@@ -290,7 +284,7 @@ impl Client {
     ///
     /// As [`status`](Self::status); [`ClientError::Refused`] also where a program runs or the flash cannot be written.
     pub fn calibrate(&mut self, calibration: Calibration) -> Result<(), ClientError> {
-        self.expect_done("calibrate", &Request::Calibrate(calibration))
+        self.ask(&question::calibrate(calibration))
     }
 
     /// The stored zero offsets of the servos.
@@ -299,10 +293,7 @@ impl Client {
     ///
     /// As [`status`](Self::status).
     pub fn calibration(&mut self) -> Result<Option<Calibration>, ClientError> {
-        match self.ask("calibration", &Request::Calibration)? {
-            Answer::Calibration(calibration) => Ok(calibration),
-            _ => Err(AnswerError::Payload { request: "calibration" }.into()),
-        }
+        self.ask(&question::calibration())
     }
 
     /// How long each output of the board's profile has been on, and how long it may be.
@@ -313,9 +304,7 @@ impl Client {
     pub fn outputs(&mut self) -> Result<Vec<OutputState>, ClientError> {
         let (mut outputs, mut from) = (Vec::new(), 0);
         loop {
-            let Answer::Outputs(more) = self.ask("outputs", &Request::Outputs { from })? else {
-                return Err(AnswerError::Payload { request: "outputs" }.into());
-            };
+            let more = self.ask(&question::outputs(from))?;
             let Some(last) = more.last() else { return Ok(outputs) };
             from = last.output.saturating_add(1);
             outputs.extend(more);
@@ -329,10 +318,7 @@ impl Client {
     /// As [`status`](Self::status); [`ClientError::Refused`] also where the target is not a pose or the
     /// board has no frames to seek among.
     pub fn nearest(&mut self, target: &Pose<f64>) -> Result<Found<f32>, ClientError> {
-        match self.ask("nearest", &Request::Nearest(Coordinates::of(target)))? {
-            Answer::Nearest(found) => Ok(found),
-            _ => Err(AnswerError::Payload { request: "nearest" }.into()),
-        }
+        self.ask(&question::nearest(Coordinates::of(target)))
     }
 
     /// Brings a table to the board completely or not at all, and returns the number of its rows. An upload that broke
@@ -346,16 +332,9 @@ impl Client {
         upload::upload(self, image, progress)
     }
 
-    fn expect_done(&mut self, name: &'static str, request: &Request<'_>) -> Result<(), ClientError> {
-        match self.ask(name, request)? {
-            Answer::Done => Ok(()),
-            _ => Err(AnswerError::Payload { request: name }.into()),
-        }
-    }
-
-    fn ask(&mut self, name: &'static str, request: &Request<'_>) -> Result<Answer, ClientError> {
+    fn ask<T>(&mut self, question: &Question<'_, T>) -> Result<T, ClientError> {
         self.check_version()?;
-        self.exchange.ask(name, request)
+        self.exchange.ask(question)
     }
 
     fn check_version(&self) -> Result<(), ClientError> {

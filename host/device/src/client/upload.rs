@@ -5,10 +5,10 @@
 mod window;
 
 use darm_arm::image::UploadImage;
-use darm_core::wire::message::{Answer, Refusal, Request};
+use darm_core::wire::message::Refusal;
 
 use super::exchange::PATIENCE_S;
-use super::{AnswerError, Client, ClientError};
+use super::{Client, ClientError, question};
 use window::{Piece, Window};
 
 /// An upload that the board has forgotten or found damaged starts again this many times.
@@ -41,14 +41,9 @@ pub(super) fn upload(
 }
 
 fn attempt(client: &mut Client, image: &UploadImage, progress: &mut dyn FnMut(Progress)) -> Result<u16, ClientError> {
-    let next = wanted(&client.exchange.ask("begin", &Request::Begin(image.image()))?)?;
+    let next = client.exchange.ask(&question::begin(image.image()))?;
     send_chunks(client, image, next, progress)?;
-    match client.exchange.ask("commit", &Request::Commit(image.image()))? {
-        Answer::Committed { rows } => Ok(rows),
-        // A profile has none.
-        Answer::Done => Ok(0),
-        _ => Err(AnswerError::Payload { request: "commit" }.into()),
-    }
+    client.exchange.ask(&question::commit(image.image()))
 }
 
 /// Sends from offset `next` on until the board has all.
@@ -87,7 +82,7 @@ fn send_chunks(
 fn send_piece(client: &mut Client, image: &UploadImage, window: &mut Window, piece: Piece) -> Result<(), ClientError> {
     let Piece { offset, len, again } = piece;
     let bytes = &image.bytes()[offset as usize..(offset + len) as usize];
-    let (header, frame) = client.exchange.prepare(&Request::Chunk { offset, bytes })?;
+    let (header, frame) = client.exchange.prepare(&question::chunk(offset, bytes).request)?;
     window.on_sent(piece, header.number, client.now_s());
     client.exchange.send(&frame, again)
 }
@@ -97,7 +92,7 @@ fn hear_answer(client: &mut Client, window: &mut Window) -> Result<bool, ClientE
     let end_s = client.now_s() + client.exchange.retry_timer().wait_s();
     while let Some(arrival) = client.exchange.next_reply(end_s)? {
         let Some(sent_s) = window.sent_s(arrival.number) else { continue };
-        let wanted = wanted(&client.exchange.open("chunk", &arrival, sent_s)?)?;
+        let wanted = client.exchange.open(&question::chunk(0, &[]), &arrival, sent_s)?;
         client.exchange.retry_timer().on_answer(arrival.received_s - sent_s);
         window.on_answer(arrival.number, wanted);
         return Ok(true);
@@ -105,11 +100,4 @@ fn hear_answer(client: &mut Client, window: &mut Window) -> Result<bool, ClientE
     client.exchange.retry_timer().on_silence();
     window.on_silence();
     Ok(false)
-}
-
-fn wanted(answer: &Answer) -> Result<u32, ClientError> {
-    match answer {
-        Answer::Upload { next } => Ok(*next),
-        _ => Err(AnswerError::Payload { request: "upload" }.into()),
-    }
 }
