@@ -74,6 +74,17 @@ fn a_single_body_that_floats_has_its_own_mass_matrix() {
 }
 
 #[test]
+fn a_floating_base_without_mass_has_no_acceleration() {
+    // Base and link turn about one axis: their masses add up to one inertia, and rounding left 4e-19 of the second.
+    let text = r#"<robot name="r"><link name="b"/><joint name="j" type="continuous"><parent link="b"/><child link="l"/>
+        <axis xyz="0 0 1"/></joint><link name="l"><inertial><origin xyz="0.1 0 0"/><mass value="1"/>
+        <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>"#;
+    let robot = Robot { floating: true, ..crate::urdf::parse("r.urdf".as_ref(), text, &Locks::default()).unwrap() };
+    let motion = Motion { state: [&[0.0], &[0.0], &[]], load: None };
+    assert_eq!(robot.accelerations(&motion, &[1.0]).unwrap(), None);
+}
+
+#[test]
 fn a_humanoid_whose_base_moves_is_that_of_the_reference() {
     let (robot, file) = (humanoid(), golden("simple_humanoid_floating"));
     // Pinocchio takes children by the order of their names.

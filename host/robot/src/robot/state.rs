@@ -196,7 +196,7 @@ impl Robot {
     /// What `torque` (N·m or N) does at the positions and velocities of a state, whose accelerations do not count.
     ///
     /// M q̈ = τ − C q̇ − G + Jᵀ F; a floating base is at rest and free, and nothing but gravity and the load of the motion
-    /// acts on it. `None` when M is singular: a joint that moves no mass.
+    /// acts on it. `None` when M is singular: a joint that moves no mass, or a base that has none to push against.
     ///
     /// # Errors
     ///
@@ -233,7 +233,7 @@ impl Robot {
             let Wrench { moment, force } = base.load;
             right.fixed_rows_mut::<6>(0).copy_from(&-Twist { angular: moment, linear: force }.to_vector());
         }
-        let Some(rates) = mass.cholesky().map(|factors| factors.solve(&right)) else { return Ok(None) };
+        let Some(rates) = solved(mass, &right) else { return Ok(None) };
         let joints = rates.rows(of_base, n).iter().copied().collect();
         let base = self.floating.then(|| Twist::from_vector(&rates.fixed_rows::<6>(0).into_owned()));
         Ok(Some(Accelerations { joints, base }))
@@ -346,4 +346,16 @@ impl Placed {
             base.load = base.load - Wrench { moment, force };
         }
     }
+}
+
+/// M⁻¹ of a symmetric matrix times a column; `None` of a singular one. What is left of a diagonal entry after elimination has an
+/// error of up to n roundings of that entry (N. J. Higham, Accuracy and Stability of Numerical Algorithms, theorem 10.3): where it
+/// is no larger, it is a rounding of zero, and a body without mass would be accelerated by 10¹⁷ rad/s².
+fn solved(matrix: DMatrix<f64>, right: &DVector<f64>) -> Option<DVector<f64>> {
+    let diagonal = matrix.diagonal();
+    let factors = matrix.cholesky()?;
+    let rounding = diagonal.len() as f64 * f64::EPSILON;
+    let pivots = factors.l_dirty().diagonal().map(|root| root * root);
+    let is_regular = pivots.iter().zip(&diagonal).all(|(pivot, entry)| *pivot > rounding * entry);
+    is_regular.then(|| factors.solve(right))
 }
