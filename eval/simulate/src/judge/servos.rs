@@ -17,9 +17,10 @@ pub const MAX_BEND_STEPS: f32 = 5.0;
 const HOLD_STEPS: f32 = 16.0;
 /// A position that a servo turning at speed has reported is this old when it becomes the goal, ms: two visits and their answers.
 const READ_AGE_MS: u64 = 25;
-/// A shaft may be beyond its range by its bend, by the same again where it is held while it is bent out of it, by rounding, and by the
-/// margin of a goal at the edge, steps: what the board takes for a breach too.
-const RANGE_STEPS: f32 = 2.0 * MAX_BEND_STEPS + 3.0;
+/// A shaft may be beyond its range by its bend, which takes it from a goal at the edge, and by the rounding of that goal, 1 step. A hold
+/// has no goal beyond the edge: not that of a place that is bent over it (5 steps), nor that of such a place with what a damaged
+/// answer may add to it (8 steps), for both together are within what the board takes for the edge (13 steps).
+const RANGE_STEPS: f32 = MAX_BEND_STEPS + 1.0;
 /// A goal is the requested one when it is this near, steps.
 const GOAL_STEPS: f32 = 2.0;
 /// A servo is on its way beyond this distance from its goal, steps: 0.1 rad, more than any that holds gives way.
@@ -166,6 +167,7 @@ impl Servos {
             self.orders.retain(|order| order.wish != wish);
             self.orders.push(Order { at_ns: now_ns, wish });
             self.changes += 1;
+            self.tracks.iter_mut().for_each(|track| track.overloaded_ns = None);
         }
     }
 
@@ -399,12 +401,20 @@ impl Servos {
         }
     }
 
+    /// One that an order moves has to stop for good: where it rests between two goals of a program its time goes on.
     fn check_overload(&mut self, now_ns: u64, track: &mut Track, turned: f32) {
-        let is_driven = track.last.is_overloaded && track.last.is_heard && turned.abs() > REST_STEPS;
-        track.overloaded_ns = if is_driven { track.overloaded_ns.or(Some(now_ns)) } else { None };
+        let Joint { id, step, goal, is_overloaded, is_heard, .. } = track.last;
+        let is_ordered = track.motion == Motion::Ordered;
+        // At its goal it may bend a little.
+        let goes = turned.abs() > REST_STEPS && (!is_ordered || (goal - step).abs() > HOLD_STEPS);
+        if !(is_overloaded && is_heard && (goes || is_ordered)) {
+            track.overloaded_ns = None;
+        } else if goes {
+            track.overloaded_ns = track.overloaded_ns.or(Some(now_ns));
+        }
         let Some(since_ns) = track.overloaded_ns.map(|since_ns| since_ns.max(track.excused_ns)) else { return };
-        if now_ns > since_ns + self.ceilings.true_ns(OVERLOAD_MS) {
-            let (id, ms) = (track.last.id, (now_ns - since_ns) / MS);
+        if goes && now_ns > since_ns + self.ceilings.true_ns(OVERLOAD_MS) {
+            let ms = (now_ns - since_ns) / MS;
             self.verdict.note(JUDGE, "servo-overload", now_ns, || {
                 format!("servo {id} turns on, {ms} ms after it first reported an overload")
             });

@@ -3,6 +3,8 @@
 //! The judge takes the state of each actuator from the lines themselves: a coil is on while its line is high, a latch is set by
 //! the last line that went high. It sees the inputs as they are at the board's pins, whatever is broken before them.
 
+use std::collections::VecDeque;
+
 use super::{Ceilings, SwitchCeiling, Verdict};
 
 const JUDGE: &str = "pins";
@@ -10,18 +12,24 @@ const MS: u64 = 1_000_000;
 /// A contradiction counts once it has been there for this time, and is acted on within it, in board time: contacts bounce for
 /// three ticks, the inputs are a tick old, and the lines follow a tick later.
 const NOTICE_MS: u64 = 6;
+/// The window of the supply ends this much later at most, in board time: a tick, and the tick in which what waited is fed.
+const WINDOW_SLACK_MS: u64 = 2;
+/// Spans of an actuator that are kept until the start of a program is reported.
+const SPANS: usize = 16;
 
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Track {
     /// Its digit as the lines say.
     digit: u8,
-    /// Since when, while lines were on.
+    /// Since when the board says so too, while lines were on.
     since_ns: Option<u64>,
+    /// It does not say so yet: a word by hand counts once all its loads are fed.
+    is_waiting: bool,
     /// Since when its switch contradicts that.
     wrong_ns: Option<u64>,
-    /// Since when it does so while lines are on and it has not moved since they were all off, and the last such span that ended.
+    /// Since when it does so while lines are on and it has not moved since they were all off, and the last such spans that ended.
     resting_ns: Option<u64>,
-    rested_ns: Option<(u64, u64)>,
+    rested_ns: VecDeque<(u64, u64)>,
 }
 
 /// The judge's memory.
@@ -30,7 +38,8 @@ pub struct Switches {
     actuators: Vec<SwitchCeiling>,
     tracks: Vec<Track>,
     lines: u64,
-    risen_ns: u64,
+    /// Lines that have gone on within the supply's window, with their time.
+    fed: VecDeque<(u64, u32)>,
     /// When something was wrong with an input, a switch or a valve last.
     disturbed_ns: Option<u64>,
     verdict: Verdict,
@@ -40,8 +49,8 @@ impl Switches {
     /// Actuators at rest.
     pub fn new(ceilings: Ceilings, actuators: Vec<SwitchCeiling>) -> Self {
         let tracks = vec![Track::default(); actuators.len()];
-        let (lines, risen_ns, disturbed_ns) = (0, 0, None);
-        Self { ceilings, actuators, tracks, lines, risen_ns, disturbed_ns, verdict: Verdict::default() }
+        let (lines, fed, disturbed_ns) = (0, VecDeque::new(), None);
+        Self { ceilings, actuators, tracks, lines, fed, disturbed_ns, verdict: Verdict::default() }
     }
 
     /// Something is wrong with an input, a switch or a valve now.
@@ -52,31 +61,32 @@ impl Switches {
     /// The end of a tick: these lines are high, these inputs closed. `is_watched`: the loaded table names the switches.
     pub fn look(&mut self, now_ns: u64, lines: u64, inputs: u32, is_watched: bool) {
         let rising = lines & !self.lines;
-        if rising != 0 {
-            self.risen_ns = now_ns;
-        }
         let was = std::mem::replace(&mut self.lines, lines);
-        let settled_ns = self.risen_ns + self.ceilings.true_ns(self.ceilings.budget_ms.into());
+        let may_wait = self.may_wait(now_ns, rising);
         for (actuator, track) in self.actuators.iter().zip(&mut self.tracks) {
             if lines == 0 {
                 // Nothing is expected of a switch while the board drives nothing.
-                (track.since_ns, track.wrong_ns) = (None, None);
+                (track.since_ns, track.wrong_ns, track.is_waiting) = (None, None, false);
             }
             let digit = digit(actuator, track.digit, lines, rising);
             if digit != track.digit && lines != 0 {
                 // What a latch is reset to after a stop is no change for the board, which counts it as reset.
                 let has_set = digit & !track.digit != 0 || actuator.coils.iter().all(|coil| coil.1.is_none());
-                (track.since_ns, track.wrong_ns) = (has_set.then_some(now_ns), None);
+                (track.since_ns, track.wrong_ns, track.is_waiting) = (has_set.then_some(now_ns), None, true);
+            }
+            track.is_waiting &= may_wait;
+            if track.is_waiting {
+                track.since_ns = track.since_ns.map(|_| now_ns);
             }
             track.digit = digit;
             let is_closed = inputs >> actuator.input & 1 == 1;
             let is_wrong = is_closed != (actuator.closed_in >> digit & 1 == 1);
-            let arrived_ns = track
-                .since_ns
-                .map(|since_ns| since_ns.max(settled_ns) + self.ceilings.true_ns(u64::from(actuator.travel_ms)));
+            let arrived_ns =
+                track.since_ns.map(|since_ns| since_ns + self.ceilings.true_ns(u64::from(actuator.travel_ms)));
             let is_resting = is_watched && is_wrong && lines != 0 && track.since_ns.is_none();
             if let (Some(from_ns), false) = (track.resting_ns, is_resting) {
-                track.rested_ns = Some((from_ns, now_ns));
+                track.rested_ns.push_back((from_ns, now_ns));
+                track.rested_ns.drain(..track.rested_ns.len().saturating_sub(SPANS));
             }
             track.resting_ns = if is_resting { track.resting_ns.or(Some(now_ns)) } else { None };
             let counts = is_watched && is_wrong && was != 0 && arrived_ns.is_some_and(|at_ns| now_ns >= at_ns);
@@ -90,15 +100,28 @@ impl Switches {
         }
     }
 
+    /// Whether loads of a word by hand may wait for the supply: as many lines have gone on within its window as it feeds loads. A
+    /// load of two lines counts twice here, which lets the judge wait longer than needed, never less.
+    fn may_wait(&mut self, now_ns: u64, rising: u64) -> bool {
+        if rising != 0 {
+            self.fed.push_back((now_ns, rising.count_ones()));
+        }
+        let window_ns = self.ceilings.true_ns(u64::from(self.ceilings.budget_ms) + WINDOW_SLACK_MS);
+        while self.fed.front().is_some_and(|&(at_ns, _)| at_ns + window_ns < now_ns) {
+            self.fed.pop_front();
+        }
+        self.fed.iter().map(|&(_, lines)| lines).sum::<u32>() >= u32::from(self.ceilings.new_loads)
+    }
+
     /// The board reports that a program has started at this true time, and nobody else has acted since: after the time of travel each
     /// switch is compared, also that of an actuator that stays where it is.
     pub fn on_started(&mut self, now_ns: u64, started_ns: u64) {
         for (actuator, track) in self.actuators.iter().zip(&self.tracks) {
             let arrived_ns = started_ns + self.ceilings.true_ns(u64::from(actuator.travel_ms) + 1);
             let noticed_ns = arrived_ns + self.ceilings.true_ns(NOTICE_MS);
-            let spans = [track.resting_ns.map(|from_ns| (from_ns, now_ns)), track.rested_ns];
+            let lasts = track.resting_ns.map(|from_ns| (from_ns, now_ns));
             let covers = |&(from_ns, to_ns): &(u64, u64)| from_ns <= arrived_ns && to_ns > noticed_ns;
-            if spans.into_iter().flatten().any(|span| covers(&span)) {
+            if lasts.iter().chain(&track.rested_ns).any(covers) {
                 let input = actuator.input;
                 self.verdict.note(JUDGE, "switch-ignored", noticed_ns, || {
                     format!(
@@ -173,6 +196,15 @@ mod tests {
         assert!(is_ignored(judge(None), &[(10, 0, 0), (70, 1, 0)]));
         assert!(is_ignored(judge(None), &[(10, 0, 0), (40, 1, 0), (100, 1, 8), (9, 1, 0)]), "it left its stop");
         assert!(!is_ignored(judge(None), &[(10, 0, 0), (40, 1, 0), (100, 1, 8), (3, 1, 0), (9, 1, 8)]), "it bounced");
+    }
+
+    #[test]
+    fn a_load_that_goes_on_later_postpones_nothing_while_the_supply_feeds_more() {
+        for (new_loads, is_seen) in [(1, false), (3, true)] {
+            let mut judge = judge(None);
+            judge.ceilings.new_loads = new_loads;
+            assert_eq!(is_ignored(judge, &[(10, 0, 0), (8, 1, 0), (8, 3, 0), (8, 7, 0), (34, 15, 0)]), is_seen);
+        }
     }
 
     #[test]

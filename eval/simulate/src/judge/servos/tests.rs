@@ -202,6 +202,22 @@ fn a_servo_that_turns_on_under_an_overload_is_seen() {
     }
 }
 
+/// A program moves a servo in short spans, none of them as long as what a stop takes.
+#[test]
+fn a_servo_that_goes_on_under_an_overload_in_each_row_of_a_program_is_seen() {
+    for (rows, is_broken) in [(1, false), (2, true)] {
+        let mut judge = judge(false);
+        judge.on_order(4 * MS, Wish::Table);
+        let mut joint = Joint { is_overloaded: true, ..REST };
+        for row in 0..rows {
+            joint.goal += 40.0;
+            judge.on_tabled(0, (joint.goal - 2048.0) / super::STEPS_PER_RAD);
+            joint = turn(&mut judge, 4 + 200 * row, 200, joint, 500.0);
+        }
+        assert_eq!(judge.verdict.has("servo-overload"), is_broken, "{rows} rows");
+    }
+}
+
 #[test]
 fn a_calibration_that_turns_a_shaft_is_seen() {
     for (goal, is_broken) in [(2050.0, false), (2080.0, true)] {
