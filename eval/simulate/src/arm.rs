@@ -18,6 +18,11 @@ use crate::judge::{Ceilings, LatchCeiling, LineCeiling, ServoCeiling, SwitchCeil
 
 /// Input of the emergency stop; no actuator's switch is there.
 pub const EMERGENCY_STOP: u8 = 12;
+/// The last row of a table that ends while its servos are on their way comes so long after the one before, ms, and sends
+/// them as far as this share of their speed reaches. The end comes right behind it.
+const LAST_MS: u32 = 350;
+const LAST_SHARE: f32 = 0.9;
+const LAST_END_MS: u32 = 2;
 /// The board promises to shift unchanged lines again so often, ms.
 const REFRESH_MS: u32 = 100;
 
@@ -309,6 +314,8 @@ pub struct TablePlan<'w> {
     pub model: u64,
     /// Its rows.
     pub rows: usize,
+    /// It ends while its servos are on their way to one more row.
+    pub ends_under_way: bool,
 }
 
 /// A table with what the judges need to know of it.
@@ -364,7 +371,7 @@ impl Table {
 ///
 /// `changes` is not a probability from 0 to 1, or the range of a servo is empty.
 pub fn draw_records(rng: &mut ChaCha8Rng, plan: &TablePlan<'_>, changes: f64) -> Vec<Record> {
-    let TablePlan { wiring, profile, model, rows } = *plan;
+    let TablePlan { wiring, profile, model, rows, ends_under_way } = *plan;
     let mut records = wiring_records(wiring, profile, model);
     let longest_ms = wiring.actuators.iter().map(|actuator| actuator.travel_ms).max().unwrap_or(50);
     let mut digits: Vec<u8> = vec![0; wiring.actuators.len()];
@@ -385,6 +392,16 @@ pub fn draw_records(rng: &mut ChaCha8Rng, plan: &TablePlan<'_>, changes: f64) ->
         let servos = angles.iter().copied().collect();
         records.push(Record::Row(Row { at: Micros::from_millis(at_ms), word, servos }));
         at_ms += span_ms;
+    }
+    if ends_under_way && !wiring.servos.is_empty() {
+        for (angle, servo) in angles.iter_mut().zip(&wiring.servos) {
+            let away_rad = LAST_SHARE * 1e-3 * servo.max_speed_rad_s * LAST_MS as f32;
+            *angle = (*angle - away_rad.copysign(*angle)).clamp(servo.min_rad, servo.max_rad);
+        }
+        let word = Word::new(&digits).expect("at most four states of 48 actuators");
+        at_ms += LAST_MS;
+        records.push(Record::Row(Row { at: Micros::from_millis(at_ms), word, servos: angles.into_iter().collect() }));
+        at_ms += LAST_END_MS;
     }
     records.push(Record::End { at: Micros::from_millis(at_ms) });
     records

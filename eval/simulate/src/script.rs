@@ -61,6 +61,14 @@ pub enum HostAct {
     QuickLatch,
     /// One output on, a restart at once, and the same output on as soon as the board allows.
     PeakOverReset,
+    /// All servos turn, and meanwhile this happens to one of them.
+    TurnTogether(TurnFault, i32),
+    /// Words and coils by hand, one after the other, while some switches are stuck, closed if `true`.
+    MoveContradicted(bool),
+    /// Runs the table whose program ends while its servos are on their way, and has something stored then.
+    StoreUnderWay,
+    /// The emergency stop was pressed; then a stop of this form and commands come, and nobody leaves the safe state.
+    ActWhileSafe(StopForm),
 }
 
 /// In which way somebody stops the arm.
@@ -74,6 +82,11 @@ pub enum StopForm {
     Message,
     /// The input of the emergency stop.
     Input,
+}
+
+impl StopForm {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Typed, Self::Bootstrap, Self::Message, Self::Input];
 }
 
 /// What happens to a servo that turns.
@@ -93,11 +106,13 @@ pub enum TurnFault {
     Input,
     /// It falls silent; then commands come.
     Silent,
+    /// A stop, and a table to store right behind it, while the others may answer nothing.
+    StopAndStore,
 }
 
 impl TurnFault {
     /// All of them.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::StopWithDamage,
         Self::StopUnconfirmed,
         Self::Stop,
@@ -105,6 +120,7 @@ impl TurnFault {
         Self::Input,
         Self::Silent,
         Self::StopDeaf,
+        Self::StopAndStore,
     ];
 }
 
@@ -294,6 +310,7 @@ impl Script {
                 script.draw_second(&mut rng);
             }
             script.draw_rare();
+            script.draw_last();
         }
         script
     }
@@ -362,6 +379,27 @@ impl Script {
         self.world.sort_by_key(|entry| entry.at_ms);
     }
 
+    /// What has to be set up for: two of these at the end, drawn apart from the rest.
+    fn draw_last(&mut self) {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed ^ 0x6c61_7374);
+        let mut at_ms = self.host.last().map_or(0, |entry| entry.at_ms);
+        let fault = TurnFault::ALL[rng.random_range(0..TurnFault::ALL.len())];
+        let form = StopForm::ALL[rng.random_range(0..StopForm::ALL.len())];
+        let acts = [
+            HostAct::TurnTogether(fault, rng.random_range(250..490)),
+            HostAct::MoveContradicted(rng.random()),
+            HostAct::PlayContradicted(rng.random()),
+            HostAct::StoreUnderWay,
+            HostAct::ActWhileSafe(form),
+        ];
+        let picked = rng.random_range(0..acts.len());
+        let next = (picked + rng.random_range(1..acts.len())) % acts.len();
+        for act in [HostAct::Clear, acts[picked].clone(), HostAct::Clear, acts[next].clone()] {
+            at_ms += rng.random_range(50..500);
+            self.host.push(Timed { at_ms, act, seed: rng.random() });
+        }
+    }
+
     /// It connects in the midst of what the first host does.
     fn draw_second(&mut self, rng: &mut ChaCha8Rng) {
         let mut at_ms = rng.random_range(1_000..20_000);
@@ -390,10 +428,7 @@ impl Script {
     fn draw_host_act(&self, rng: &mut ChaCha8Rng) -> HostAct {
         let coil = rng.random_range(0..self.arm.coils.len().max(1)) as u8;
         match rng.random_range(0..34u8) {
-            23..=25 => {
-                let forms = [StopForm::Typed, StopForm::Bootstrap, StopForm::Message, StopForm::Input];
-                HostAct::StopThen(forms[rng.random_range(0..forms.len())])
-            }
+            23..=25 => HostAct::StopThen(StopForm::ALL[rng.random_range(0..StopForm::ALL.len())]),
             26..=29 => {
                 let fault = TurnFault::ALL[rng.random_range(0..TurnFault::ALL.len())];
                 HostAct::TurnUnder(fault, rng.random_range(250..490) * if rng.random() { 1 } else { -1 })
@@ -455,7 +490,8 @@ fn draw_arm(rng: &mut ChaCha8Rng, seed: u64) -> (ArmPlan, Vec<Table>) {
             let wiring = &wirings[index as usize - 1];
             let rows = rng.random_range(4..60);
             let model = (seed << 8 | index).wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
-            Table::draw(rng, &TablePlan { wiring, profile, model, rows })
+            let ends_under_way = index == 3;
+            Table::draw(rng, &TablePlan { wiring, profile, model, rows, ends_under_way })
         };
         if let (Some(first), Some(second), Some(third)) = (table(1), table(2), table(3)) {
             return (arm, vec![first, second, third]);

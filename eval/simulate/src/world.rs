@@ -27,6 +27,7 @@ use crate::script::{Script, Timed, WorldAct};
 use crate::second_host::{self, SecondHost};
 use crate::trace::Trace;
 
+pub use disturbances::ALL_SWITCHES;
 use disturbances::Active;
 pub use plug::{Plug, enter, leave, pass, with};
 use senders::Caller;
@@ -113,8 +114,8 @@ pub struct World {
     pressed_ns: Option<u64>,
     /// What the host's act does to the servos.
     act_faults: ServoFaults,
-    /// The host's act has all switches stuck, closed if `true`.
-    stuck: Option<bool>,
+    /// The host's act has the switches of these inputs stuck, closed if `true`.
+    stuck: Option<(u32, bool)>,
     /// The kind of the disturbance that ended last, and when, until the host gets through again.
     recovering: Option<(&'static str, u64)>,
     /// Since when the host tries to get through.

@@ -5,6 +5,8 @@ use darm_core::wire::bootstrap::RebootTarget;
 use darm_core::wire::message::Calibration;
 use darm_device::client::{Client, ClientError};
 use darm_sim::plant::servo_bus::ServoFaults;
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
 
 use super::{FirstUpload, Host, TRIES};
 use crate::answers::{self, PULSE_MS, SETTLE_MS};
@@ -12,7 +14,7 @@ use crate::arm::Table;
 use crate::judge::reports::{Ending, Pulse};
 use crate::script::{StopForm, TurnFault};
 use crate::words;
-use crate::world::{self, Party};
+use crate::world::{self, ALL_SWITCHES, Party};
 
 /// No program of a script lasts longer, s.
 const LONGEST_PROGRAM_S: u32 = 25;
@@ -22,12 +24,23 @@ const USE_MS: u32 = 400;
 const PEAK_WAIT_MS: u64 = 200;
 /// No output of a script waits longer for its next peak, ms.
 const PEAK_PAUSE_MS: u64 = 600;
+/// The table whose peaks are half as long.
+const HASTY: usize = 2;
+/// A start takes this time until the board answers, ms.
+const START_MS: u64 = 30;
 /// Tries of a peak after a start, each 20 ms.
 const PEAK_TRIES: u32 = 40;
 /// Cycles of a latch that use up the longest window.
 const CYCLES: u32 = 120;
 /// Stops of a servo that rests: each must leave it where it is.
 const STOPS: u32 = 6;
+/// Questions whether a program has begun, each 50 ms: no approach lasts longer.
+const APPROACH_POLLS: u32 = 120;
+/// A coil that is on while servos turn, ms: longer than the time-out of a servo.
+const LONG_MS: u32 = 700;
+/// Commands by hand while switches are stuck, and the longest pause between two, ms: about the time of travel.
+const MOVES: u32 = 6;
+const MOVE_PAUSE_MS: u64 = 120;
 /// This number of uses fills the longest window.
 const USES: u32 = 30;
 /// After the last byte of a stop, or after the emergency stop is pressed, all outputs are off within this time, ms.
@@ -93,19 +106,26 @@ impl Host<'_> {
                 None => return,
             }
         }
-        let Ok(calibration) = Calibration::try_from([offset_rad; 4]) else { return };
         let (began_ns, before) = world::with(|world| (world.now_ns(), world.servos.steps()));
-        let Some(client) = self.client() else { return };
-        let result = client.calibrate(calibration);
-        let done = result.is_ok();
-        self.note("calibrate", result);
+        let is_done = self.set_offsets(offset_rad);
         world::pass(SETTLE_MS);
         world::with(|world| {
             let is_alone = !world.has_other_acted_since(Party::First, began_ns);
-            if done && is_alone && world.is_undisturbed_since(began_ns) {
+            if is_done && is_alone && world.is_undisturbed_since(began_ns) {
                 world.servos.on_calibrated(world.now_ns(), &before);
             }
         });
+    }
+
+    /// Sets the zero offsets of all servos; whether that was confirmed.
+    fn set_offsets(&mut self, offset_rad: f32) -> bool {
+        let (Ok(calibration), Some(client)) = (Calibration::try_from([offset_rad; 4]), self.client()) else {
+            return false;
+        };
+        let result = client.calibrate(calibration);
+        let is_done = result.is_ok();
+        self.note("calibrate", result);
+        is_done
     }
 
     /// A command that no state of the arm obeys: whatever happens, the board must not confirm it.
@@ -205,7 +225,10 @@ impl Host<'_> {
         if first == second || !self.is_own_table_at_rest() {
             return;
         }
-        if !world::with(|world| world.pins.has_supply(world.now_ns(), 2)) {
+        // What resets a latch at the end of its time waits for the supply too.
+        let loads = |coil| if self.script.arm.pulsed_line(coil).is_some() { 1 } else { 2 };
+        let loads = loads(first) + loads(second);
+        if !world::with(|world| world.pins.has_supply(world.now_ns(), loads)) {
             return;
         }
         for (coil, on_ms) in [(first, 2 * PULSE_MS), (second, PULSE_MS)] {
@@ -329,13 +352,20 @@ impl Host<'_> {
         if step > 2048.0 { -angle_rad } else { angle_rad }
     }
 
-    /// A servo turns far, and meanwhile something happens.
-    pub(super) fn turn_under(&mut self, fault: TurnFault, angle_rad: f32, seed: u64) {
+    /// A servo turns far, with all others and under current or alone, and meanwhile something happens to it.
+    pub(super) fn turn_under(&mut self, fault: TurnFault, angle_rad: f32, seed: u64, together: bool) {
         let count = self.script.arm.servos.len();
         if count == 0 || !self.is_own_table_at_rest() {
             return;
         }
         let index = seed as usize % count;
+        if together {
+            self.command("coil", Command::Coil { coil: 0, on_ms: LONG_MS });
+            for other in (0..count).filter(|other| *other != index) {
+                let angle_rad = self.far_angle_rad(other, angle_rad.abs());
+                self.command("turn", Command::Servo { servo: other as u8, angle_rad });
+            }
+        }
         let turn = Command::Servo { servo: index as u8, angle_rad: self.far_angle_rad(index, angle_rad.abs()) };
         if self.command("turn", turn) != Ending::Done {
             return;
@@ -387,6 +417,14 @@ impl Host<'_> {
                 self.command("turn", turn);
                 self.command("play", Command::Play);
             }
+            TurnFault::StopAndStore => {
+                let others = ServoFaults { mute: !mask, ..none };
+                world::with(|world| world.break_servos(if seed >> 16 & 1 == 1 { others } else { none }));
+                world::pass((seed >> 17) % 25);
+                let table = &self.script.tables[(seed >> 24) as usize % self.script.tables.len()];
+                world::with(|world| world.store_behind_stop(table, seed));
+                world::pass(SETTLE_MS);
+            }
         }
         if fault != TurnFault::StopDeaf {
             world::pass(SETTLE_MS);
@@ -397,16 +435,112 @@ impl Host<'_> {
         self.command("clear", Command::Clear);
     }
 
-    /// Runs the table while each limit switch says the same in every state.
-    pub(super) fn play_contradicted(&mut self, is_closed: bool) {
+    /// The input of one of the arm's limit switches.
+    fn one_switch(&self, seed: u64) -> u32 {
+        let switches = self.script.arm.switches();
+        switches.get(seed as usize % switches.len().max(1)).map_or(0, |switch| 1 << switch.input)
+    }
+
+    /// Runs the table while all limit switches, or one of them, say the same in every state.
+    pub(super) fn play_contradicted(&mut self, is_closed: bool, seed: u64) {
         if !self.is_own_table_at_rest() {
             return;
         }
-        world::with(|world| world.stick_switches(Some(is_closed)));
+        let inputs = if seed & 1 == 0 { ALL_SWITCHES } else { self.one_switch(seed >> 1) };
+        world::with(|world| world.stick_switches(Some((inputs, is_closed))));
         self.command("play", Command::Play);
+        for _ in 0..APPROACH_POLLS {
+            match self.ask("status", Client::status).map(|status| status.phase) {
+                Some(Phase::Approaching { .. }) => world::pass(50),
+                _ => break,
+            }
+        }
         world::pass(4 * SETTLE_MS);
         self.events();
         world::with(|world| world.stick_switches(None));
+        world::pass(SETTLE_MS);
+        self.command("clear", Command::Clear);
+    }
+
+    /// Moves actuators by hand, by words and coils that overlap, while all limit switches or one of them say the same in every state.
+    pub(super) fn move_contradicted(&mut self, is_closed: bool, seed: u64) {
+        if !self.is_own_table_at_rest() {
+            return;
+        }
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let inputs = if rng.random() { ALL_SWITCHES } else { self.one_switch(rng.random()) };
+        world::with(|world| world.stick_switches(Some((inputs, is_closed))));
+        for _ in 0..MOVES {
+            let coil = rng.random_range(0..self.script.arm.coils.len().max(1)) as u8;
+            let command = if rng.random() {
+                Command::Word(words::word(&self.script.arm, rng.random()))
+            } else {
+                Command::Coil { coil, on_ms: USE_MS }
+            };
+            self.command("move", command);
+            world::pass(rng.random_range(0..MOVE_PAUSE_MS));
+        }
+        world::pass(SETTLE_MS);
+        self.events();
+        world::with(|world| world.stick_switches(None));
+        world::pass(SETTLE_MS);
+        self.command("clear", Command::Clear);
+    }
+
+    /// Runs the table whose program ends while its servos are on their way, and wants something stored at once.
+    pub(super) fn store_under_way(&mut self, seed: u64) {
+        let Some(table) = self.script.tables.last().filter(|_| !self.script.arm.servos.is_empty()) else { return };
+        if !self.is_own_table_at_rest() || self.upload_once(table).0 != Ending::Done {
+            return;
+        }
+        if self.command("play", Command::Play) != Ending::Done {
+            return;
+        }
+        for _ in 0..LONGEST_PROGRAM_S * 50 {
+            match self.ask("status", Client::status).map(|status| status.phase) {
+                Some(Phase::Approaching { .. } | Phase::Playing { .. }) => world::pass(20),
+                Some(Phase::Idle) => break,
+                _ => return,
+            }
+        }
+        if seed & 1 == 0 {
+            self.upload(0);
+        } else {
+            self.set_offsets(0.01 * (1 + seed % 7) as f32);
+        }
+    }
+
+    /// A stop of any form leaves no safe state, and nothing is driven in it.
+    pub(super) fn act_while_safe(&mut self, form: StopForm, seed: u64) {
+        if !self.is_own_table_at_rest() {
+            return;
+        }
+        world::with(|world| world.press_emergency_stop(true));
+        world::pass(SETTLE_MS);
+        world::with(|world| world.press_emergency_stop(false));
+        world::pass(20);
+        self.events();
+        match form {
+            StopForm::Typed => world::with(|world| world.type_stop(seed)),
+            StopForm::Bootstrap => drop(self.ask("stop", Client::stop_at_once)),
+            StopForm::Message => drop(self.ask("stop", |client| client.command(Command::Stop))),
+            // No stop: the contact that has opened is none either.
+            StopForm::Input => {}
+        }
+        world::pass(STOP_MS);
+        self.renew();
+        let coil = (seed >> 8) as usize % self.script.arm.coils.len().max(1);
+        let mut commands = [
+            Command::Coil { coil: coil as u8, on_ms: PULSE_MS },
+            Command::Word(words::word(&self.script.arm, seed)),
+            Command::Servo { servo: 0, angle_rad: self.far_angle_rad(0, 0.4) },
+            Command::Play,
+        ];
+        commands.rotate_left((seed >> 16) as usize % 4);
+        for command in commands {
+            self.command("while safe", command);
+            world::pass(20);
+        }
         world::pass(SETTLE_MS);
         self.command("clear", Command::Clear);
     }
@@ -426,11 +560,15 @@ impl Host<'_> {
         }
     }
 
-    /// Uses one output, restarts the board and uses it again as soon as the board allows: what flowed before the start counts.
+    /// Uses one output, restarts the board and uses it again as soon as the board allows: what flowed before the start counts. Half
+    /// of the time a table with shorter peaks comes between.
     pub(super) fn peak_over_reset(&mut self, seed: u64) {
-        let coil = self.script.arm.peaking(seed);
+        let (coil, is_hastier) = (self.script.arm.peaking(seed), seed >> 8 & 1 == 1);
         if !self.is_own_table_at_rest() {
             return;
+        }
+        if is_hastier {
+            self.upload(0);
         }
         world::pass(PEAK_PAUSE_MS);
         if self.command("peak", Command::Coil { coil, on_ms: 2 * PULSE_MS }) != Ending::Done {
@@ -438,7 +576,13 @@ impl Host<'_> {
         }
         world::pass(PULSE_MS.into());
         self.halt();
+        if is_hastier {
+            self.upload(HASTY);
+        }
         self.ask("reboot", |client| client.reboot(RebootTarget::Application));
+        // A command on the connection of before would be lost, and its repetitions take longer than most peaks have to wait.
+        world::pass(START_MS);
+        self.renew();
         for _ in 0..PEAK_TRIES {
             if self.command("peak", Command::Coil { coil, on_ms: PULSE_MS }) == Ending::Done {
                 return;

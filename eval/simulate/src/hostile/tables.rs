@@ -47,7 +47,7 @@ pub fn beyond(rng: &mut ChaCha8Rng, wiring: &Wiring, profile: Digest) -> Option<
     let mut wiring = wiring.clone();
     widen(rng, &mut wiring);
     let (model, rows) = (rng.random::<u64>() | 1, rng.random_range(2..30));
-    let plan = TablePlan { wiring: &wiring, profile, model, rows };
+    let plan = TablePlan { wiring: &wiring, profile, model, rows, ends_under_way: false };
     if rng.random() {
         return Table::draw(rng, &plan);
     }
@@ -72,7 +72,7 @@ pub fn recombined(rng: &mut ChaCha8Rng, wiring: &Wiring, profile: Digest) -> Opt
         }
     }
     let (model, rows) = (rng.random::<u64>() | 1, rng.random_range(2..30));
-    Table::draw(rng, &TablePlan { wiring: &wiring, profile, model, rows })
+    Table::draw(rng, &TablePlan { wiring: &wiring, profile, model, rows, ends_under_way: false })
 }
 
 /// Each latch is reset by the line that resets the next one.
@@ -100,7 +100,7 @@ fn lengthen(coil: &mut Coil) {
 pub fn of_another_profile(rng: &mut ChaCha8Rng, wiring: &Wiring) -> Option<Table> {
     let (model, rows) = (rng.random::<u64>() | 1, rng.random_range(2..30));
     let profile = Digest(rng.random());
-    Table::draw(rng, &TablePlan { wiring, profile, model, rows })
+    Table::draw(rng, &TablePlan { wiring, profile, model, rows, ends_under_way: false })
 }
 
 /// A table that a board without a profile takes: valves at the first lines, as the limits that are built in allow.
@@ -115,7 +115,7 @@ pub fn of_no_profile(rng: &mut ChaCha8Rng) -> Option<Table> {
         ..Wiring::default()
     };
     let (model, rows) = (rng.random::<u64>() | 1, 2);
-    Table::draw(rng, &TablePlan { wiring: &wiring, profile: Digest([0; 32]), model, rows })
+    Table::draw(rng, &TablePlan { wiring: &wiring, profile: Digest([0; 32]), model, rows, ends_under_way: false })
 }
 
 /// A profile that allows what this one does not. Nobody holds the button: the board must refuse it.

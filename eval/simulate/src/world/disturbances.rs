@@ -23,7 +23,7 @@ pub(super) struct Active {
 }
 
 /// Inputs of the arm's limit switches.
-const ALL_SWITCHES: u32 = 0xff;
+pub const ALL_SWITCHES: u32 = 0xff;
 /// For this time what somebody else has sent may still be put in force, ns.
 const FOREIGN_NS: u64 = 3_000_000_000;
 
@@ -151,6 +151,13 @@ impl World {
         self.send_frames(&table.image, rng);
     }
 
+    /// Somebody stops the arm and uploads one of the script's tables right behind it.
+    pub fn store_behind_stop(&mut self, table: &Table, seed: u64) {
+        let now_ns = self.now_ns();
+        (self.hostile_ns, self.disturbed_ns, self.quiet_ns) = (Some(now_ns), now_ns, None);
+        self.send_known(table, &mut ChaCha8Rng::seed_from_u64(seed));
+    }
+
     fn send_frames(&mut self, upload: &UploadImage, rng: &mut ChaCha8Rng) {
         (self.foreign_ns, self.has_own_table) = (Some(self.now_ns()), false);
         let stop = hostile::stop(rng.random());
@@ -235,8 +242,8 @@ impl World {
         self.break_plant();
     }
 
-    /// All switches are stuck from now on, closed if `true`, beside what the script does; or they work again.
-    pub fn stick_switches(&mut self, stuck: Option<bool>) {
+    /// The switches of these inputs are stuck from now on, closed if `true`, beside what the script does; or they work again.
+    pub fn stick_switches(&mut self, stuck: Option<(u32, bool)>) {
         self.stuck = stuck;
         self.disturbed_ns = self.now_ns();
         self.break_plant();
@@ -283,8 +290,8 @@ impl World {
         let mut broken = Broken { servos: self.act_faults, ..Broken::default() };
         let mut chain = ChainFaults::default();
         match self.stuck {
-            Some(true) => broken.switches_closed = ALL_SWITCHES,
-            Some(false) => broken.switches_open = ALL_SWITCHES,
+            Some((inputs, true)) => broken.switches_closed = inputs,
+            Some((inputs, false)) => broken.switches_open = inputs,
             None => {}
         }
         for active in &self.active {
