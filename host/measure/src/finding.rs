@@ -43,8 +43,6 @@ pub enum FindingKind {
     NotANumber,
     /// Rows are left out in which a position is far off the rows before and after.
     FarOffNeighbours,
-    /// An angle jumps by a turn, and is counted on.
-    Wrapped,
     /// Rows are left out in which a sensor is at the end of its range.
     Saturated,
     /// Rows are left out because a cell that is needed is empty.

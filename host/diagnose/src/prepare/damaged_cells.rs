@@ -1,10 +1,8 @@
-//! Cells that a damaged log has: a position of one row that is far off the rows next to it, an angle that jumps by a turn, and
-//! a sensor that stays at the end of its range.
+//! Cells that a damaged log has: a position of one row that is far off the rows next to it, and a sensor that stays at the end of
+//! its range.
 //!
 //! Rates and accelerations carry one wrong position into the rows around it, thousands of times enlarged. So the row is left out
 //! before anything is computed from it, wherever it is, and is listed.
-
-use std::f64::consts::{PI, TAU};
 
 use darm_measure::column::Column;
 use darm_measure::signal::unwrapped;
@@ -20,21 +18,20 @@ const MIN_SHARE: f64 = 0.02;
 /// Share of the rows that counts as nearly all of them, and the largest that may be far off: more of them are no blunders.
 const NEARLY_ALL: f64 = 0.95;
 const MAX_SHARE: f64 = 0.01;
-/// Steps from row to row, rad, below which nearly all are where a joint moves through an angle that is wrapped.
-const SMALL_STEP: f64 = 0.5;
 /// A sensor is at the end of its range where a column has its extreme in this share of the rows and in this number in a row, as many times
-/// more often than the next number.
+/// more often than the next number. A torque may be there for most of a motion, but where it always is the column says nothing.
 const AT_END: f64 = 0.01;
+const ALWAYS: f64 = 0.9;
 const IN_A_ROW: usize = 4;
 const MORE_OFTEN: usize = 10;
 /// Lines that a finding names.
 const MAX_LINES: usize = 8;
 
-/// Joins angles that jump by a turn, and leaves out rows in which a position is far off or what is predicted is at the end of its range.
+/// Leaves out rows in which a position is far off or what is predicted is at the end of its range.
 pub(super) fn repair(table: &mut Table, findings: &mut Vec<Finding>) {
     let mut keep = vec![true; table.lines.len()];
     let Table { columns, lines, .. } = &mut *table;
-    for column in columns.iter_mut().filter(|column| column.numbers.len() >= MIN_ROWS) {
+    for column in columns.iter().filter(|column| column.numbers.len() >= MIN_ROWS) {
         let mut leave_out = |column: &Column, kind, rows: &[usize], why: &str| {
             rows.iter().for_each(|&row| keep[row] = false);
             let named: Vec<String> = rows.iter().take(MAX_LINES).map(|&row| lines[row].to_string()).collect();
@@ -44,15 +41,10 @@ pub(super) fn repair(table: &mut Table, findings: &mut Vec<Finding>) {
             findings.push(Finding::note(kind, text).at_line(lines[rows[0]]).in_column(&column.name));
         };
         if is_position(column) {
-            let turns = unwrap(&mut column.numbers);
-            let rows = far_off_neighbours(&column.numbers);
+            let rows = far_off(column);
             if !rows.is_empty() {
                 let why = "is far off the rows before and after";
                 leave_out(column, FindingKind::FarOffNeighbours, &rows, why);
-            }
-            if turns > 0 {
-                let text = format!("{} jumps by a turn {turns} times: it is counted on from turn to turn", column.name);
-                findings.push(Finding::note(FindingKind::Wrapped, text).in_column(&column.name));
             }
         } else if is_sensor(column) {
             for end in at_ends(&column.numbers) {
@@ -79,19 +71,16 @@ fn is_sensor(column: &Column) -> bool {
     column.quantity.starts_with("tau") || column.meaning() == "force"
 }
 
-/// Adds turns where an angle jumps by nearly one, if it moves in small steps otherwise; how many jumps there are.
-fn unwrap(numbers: &mut [f64]) -> usize {
-    let steps: Vec<f64> = numbers.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let usual = quantile(steps.iter().map(|step| step.abs()), NEARLY_ALL);
-    let small = usual.max(1e-9) * FAR_OFF;
-    let is_jump = |step: f64| step.abs() > PI && (step.abs() - TAU).abs() < small.min(SMALL_STEP);
-    let jumps = steps.iter().filter(|step| is_jump(**step)).count();
-    // A step of the same size the other way belongs to a number that is far off, not to a turn.
-    if usual > SMALL_STEP || jumps == 0 || !steps.iter().all(|step| step.abs() < PI || is_jump(*step)) {
-        return 0;
+/// The rows of a position that are far off, as it is, and of an angle with its turns added up: where it jumps by a turn the rows next to
+/// it are no neighbours.
+fn far_off(column: &Column) -> Vec<usize> {
+    let mut rows = far_off_neighbours(&column.numbers);
+    if column.unit == "rad" {
+        rows.extend(far_off_neighbours(&unwrapped(&column.numbers)));
+        rows.sort_unstable();
+        rows.dedup();
     }
-    numbers.copy_from_slice(&unwrapped(numbers));
-    jumps
+    rows
 }
 
 /// The rows of a smooth column that are far off; none where there are many.
@@ -128,7 +117,8 @@ fn at_ends(numbers: &[f64]) -> Vec<Vec<usize>> {
         let next = sorted.get(same).map_or(0, |next| sorted[same..].iter().take_while(|n| *n == next).count());
         let rows: Vec<usize> = (0..n).filter(|&row| numbers[row] == extreme).collect();
         let in_a_row = rows.windows(IN_A_ROW).any(|rows| rows[IN_A_ROW - 1] - rows[0] == IN_A_ROW - 1);
-        let is_end = same as f64 > AT_END * n as f64 && 2 * same < n && same > MORE_OFTEN * next.max(1);
+        let is_end =
+            same as f64 > AT_END * n as f64 && (same as f64) < ALWAYS * n as f64 && same > MORE_OFTEN * next.max(1);
         (is_end && in_a_row).then_some(rows)
     };
     let rising = sorted.clone();
@@ -144,6 +134,8 @@ fn quantile(numbers: impl Iterator<Item = f64>, share: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::{PI, TAU};
+
     use super::*;
 
     fn wave(k: usize) -> f64 {
@@ -164,15 +156,23 @@ mod tests {
     }
 
     #[test]
-    fn an_angle_that_jumps_by_a_turn_is_counted_on() {
-        let turning: Vec<f64> = (0..1000).map(|k| 0.03 * k as f64).collect();
-        let mut wrapped: Vec<f64> = turning.iter().map(|q| (q + PI).rem_euclid(TAU) - PI).collect();
-        assert_eq!(unwrap(&mut wrapped), 5);
-        assert!(wrapped.iter().zip(&turning).all(|(a, b)| (a - b).abs() < 1e-9));
-        let mut damaged = turning.clone();
-        damaged[300] += TAU;
-        assert_eq!(unwrap(&mut damaged[..]), 2, "there and back");
-        assert!((damaged[300] - turning[300]).abs() < 1e-9 && damaged[301] == turning[301]);
+    fn a_cell_next_to_a_jump_by_a_turn_is_found_and_the_jump_is_none() {
+        let turning = |k: usize| 0.03 * k as f64;
+        let mut wrapped: Vec<f64> = (0..1000).map(|k| (turning(k) + PI).rem_euclid(TAU) - PI).collect();
+        let found = |numbers: &[f64]| {
+            let column = Column {
+                name: "q1_rad".into(),
+                quantity: "q1".into(),
+                unit: "rad",
+                numbers: numbers.to_vec(),
+                words: Vec::new(),
+            };
+            far_off(&column)
+        };
+        assert!(found(&wrapped).is_empty());
+        wrapped[106] = 0.0;
+        wrapped[500] += TAU;
+        assert_eq!(found(&wrapped), [106, 500], "a zero behind a jump, and a row that is a turn off");
     }
 
     #[test]
@@ -183,6 +183,8 @@ mod tests {
         let ends = at_ends(&limited);
         assert_eq!(ends.len(), 2);
         assert!(ends.iter().flatten().all(|&row| torque[row] >= 20.0 || torque[row] <= -60.0));
+        let mostly: Vec<f64> = torque.iter().map(|torque| torque.max(-20.0)).collect();
+        assert!(mostly.iter().filter(|torque| **torque == -20.0).count() > 500 && at_ends(&mostly).len() == 1);
         let rounded: Vec<f64> = torque.iter().map(|torque| torque.round()).collect();
         assert_eq!(at_ends(&rounded).len(), 0, "coarse steps");
     }
