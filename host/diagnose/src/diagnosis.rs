@@ -23,6 +23,7 @@ use crate::linearise::model_effects::{self, ModelEffect};
 use crate::outcome::{Dependence, Diagnosis};
 use crate::prepare::observations::{NoPose, Observations};
 use crate::prepare::repeatability::{self, Noise};
+use crate::prepare::run_findings;
 use crate::prepare::signals::{Preparation, PrepareError};
 use crate::progress::{Progress, Stage};
 use crate::rejection::{self, Rejection, is_of_one_law};
@@ -87,7 +88,8 @@ pub struct SignalOptions {
 pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Outcome<ArmCorrection>, DiagnoseError> {
     let no_pose = |NoPose { sample, error }| DiagnoseError::NoPose { line: run.line(sample), error };
     options.progress.enter(Stage::Prepare)?;
-    let findings = check(arm, run);
+    let mut findings = check(arm, run);
+    findings.extend(run_findings::temperature(run));
     if let Some(finding) = findings.iter().find(|finding| finding.severity == Severity::Error) {
         return Err(DiagnoseError::Row(finding.clone()));
     }
@@ -239,7 +241,9 @@ fn conclude(
 fn terms(diagnosis: &Diagnosis, selected: &SelectedSignals) -> Vec<ModelEffect> {
     let term = |one: &Dependence| {
         let axis = one.axis.as_deref()?;
-        (!one.curve.is_empty()).then(|| ModelEffect::fitted_term(axis, &one.variable, &one.curve))
+        // A time does not come again.
+        (one.variable != "time" && !one.curve.is_empty())
+            .then(|| ModelEffect::fitted_term(axis, &one.variable, &one.curve))
     };
     let all: Vec<ModelEffect> = diagnosis.remaining.depends_on.iter().filter_map(term).collect();
     let signal = |term: &ModelEffect| (term.place.clone(), term.along.clone());

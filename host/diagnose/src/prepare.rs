@@ -7,6 +7,7 @@ pub mod groups;
 pub mod observations;
 pub mod repeatability;
 pub(crate) mod resolution;
+pub(crate) mod run_findings;
 pub mod sampling;
 pub mod signals;
 pub(crate) mod table_findings;
