@@ -38,6 +38,7 @@ impl Merge {
             blind::Damages::COMMAND => self.report::<blind::Damages>(runs),
             blind::Layouts::COMMAND => self.report::<blind::Layouts>(runs),
             blind::Mechanisms::COMMAND => self.report::<blind::Mechanisms>(runs),
+            blind::Outside::COMMAND => self.report::<blind::Outside>(runs),
             calibrate::Clean::COMMAND => self.report::<calibrate::Clean>(runs),
             calibrate::Effects::COMMAND => self.report::<calibrate::Effects>(runs),
             darm_demo::Sweep::COMMAND => self.report::<darm_demo::Sweep>(runs),

@@ -15,6 +15,7 @@ mod judge;
 mod layout;
 mod layouts;
 mod mechanisms;
+mod outside;
 mod robots;
 mod rules;
 mod serial;
@@ -39,6 +40,7 @@ use judge::Mark;
 pub(crate) use layout::Layout;
 pub(crate) use layouts::Layouts;
 pub(crate) use mechanisms::Mechanisms;
+pub(crate) use outside::Outside;
 use robots::{Robots, Which};
 pub(crate) use table::rate;
 
@@ -56,6 +58,15 @@ pub(crate) struct Blind {
     /// Diagnose N logs of every sort of wrong model, wrong log and unusable log, in place of the seeds
     #[arg(long, value_name = "N", conflicts_with_all = ["seeds", "arm", "mechanisms", "layouts"])]
     damages: Option<u64>,
+    /// Plant effects that no law has in N logs of every kind of measurement and layout, in place of the seeds
+    #[arg(long, value_name = "N", conflicts_with_all = ["seeds", "arm", "mechanisms", "layouts", "damages"])]
+    outside: Option<u64>,
+    /// Of these logs those only whose kind and layout contain this text
+    #[arg(long, value_name = "TEXT", requires = "outside")]
+    only: Option<String>,
+    /// Plant nothing in these logs
+    #[arg(long, requires = "outside")]
+    clean: bool,
     /// These layouts only
     #[arg(long, value_enum, value_delimiter = ',', requires = "layouts")]
     layout: Vec<Layout>,
@@ -121,6 +132,11 @@ impl Blind {
         if let Some(logs) = self.damages {
             let Job { first_seed, wrong, .. } = self.job;
             return items::run(&Damages { logs, first_seed, messages: wrong }, &self.spread);
+        }
+        if let Some(logs) = self.outside {
+            let Job { first_seed, wrong, .. } = self.job;
+            let Self { only, clean, .. } = self;
+            return items::run(&Outside { logs, first_seed, only: only.clone(), clean: *clean, wrong }, &self.spread);
         }
         items::run(&self.job, &self.spread)
     }

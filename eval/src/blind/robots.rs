@@ -108,7 +108,7 @@ impl Robots {
     }
 
     /// What the model of a robot is, and a measurement of it without noise.
-    fn drawn(&self, which: Which, class: Class, rng: &mut ChaCha8Rng) -> Result<(What, Bench)> {
+    pub(super) fn drawn(&self, which: Which, class: Class, rng: &mut ChaCha8Rng) -> Result<(What, Bench)> {
         Ok(match which {
             Which::Serial => (which.what(self.serial.clone()), serial(&self.serial, class, rng)?),
             Which::Floating => (which.what(self.floating.clone()), floating(&self.floating, class, rng)?),
