@@ -21,12 +21,15 @@
 //!   hold all the way.
 //! - [`Method::Paper`]: the incremental scheme of the paper, for comparison.
 //!
+//! Stops that no frame uses are set so that every module can be assembled in every word, see [`assembly`].
+//!
 //! Servo angles are free at first; then each is fixed at the nearest angle that the servo can keep, and the stops take up
 //! what that leaves.
 //!
 //! Source: Miyahara, Chirikjian, General Kinematic Synthesis Method for a Discretely Actuated Robotic Manipulator.
 
 mod accuracy;
+mod assembly;
 mod case;
 mod catalogue;
 mod closest;
@@ -55,6 +58,7 @@ use serde::Serialize;
 use crate::arm::frames::{self, DesiredFrame, StopRange};
 use crate::arm::{Arm, FrameFault, reason_of};
 pub use accuracy::Accuracy;
+pub use assembly::{WithoutPose, without_pose};
 pub use case::{BoundFrame, Case, CaseKind, CompleteModules};
 pub use catalogue::{Bought, CatalogueError, Part, buy, read_catalogue};
 pub use few_actuators::synthesize_by_few;

@@ -19,6 +19,10 @@ pub(super) const EXACT: f64 = 2e-15;
 const ON_THE_WAY: f64 = 1e-6;
 /// A residual below this is a solution that the last steps will make exact.
 pub(super) const SOLVED: f64 = 1e-9;
+/// A bound that is missed by less is kept, m or rad.
+const KEPT: f64 = 1e-12;
+/// Each projection leaves at most half of what two bounds of one unknown miss: 64 leave rounding.
+const MAX_PROJECTIONS: u32 = 64;
 /// The least share of the way that is worth a step.
 const MIN_ADVANCE: f64 = 1.0 / 64.0;
 /// Steps towards the least alteration.
@@ -294,13 +298,28 @@ fn allowed_share(bounds: &[Bound], kept: &[usize], unknowns: &DVector<f64>, next
     shares.fold(1.0, f64::min)
 }
 
-/// The unknowns moved inside the bounds.
+/// The unknowns moved inside the bounds: by the first of a bound's unknowns, then, where that broke another bound, by projections
+/// onto one after the other, which end inside all of them if anything is.
 pub(super) fn within(problem: &Problem, mut unknowns: DVector<f64>) -> DVector<f64> {
     for bound in &problem.bounds {
         let slack = bound.slack(&unknowns);
         if slack < 0.0 {
             let (index, factor) = bound.terms[0];
             unknowns[index] -= slack / factor;
+        }
+    }
+    for _ in 0..MAX_PROJECTIONS {
+        let mut is_inside = true;
+        for bound in &problem.bounds {
+            let slack = bound.slack(&unknowns);
+            if slack < -KEPT {
+                is_inside = false;
+                let size: f64 = bound.terms.iter().map(|(_, factor)| factor * factor).sum();
+                bound.terms.iter().for_each(|&(index, factor)| unknowns[index] -= slack * factor / size);
+            }
+        }
+        if is_inside {
+            break;
         }
     }
     unknowns

@@ -28,7 +28,7 @@ pub(super) fn solve(problem: &mut Problem, options: &Options) -> Result<Found, S
     let base_line = within(problem, problem.start());
     let platforms = (0..problem.n_stops()).any(|stop| problem.is_leg(stop));
     let mut search = Search { problem, iterations: 0 };
-    let mut ends = Vec::new();
+    let (mut ends, mut incomplete) = (Vec::new(), None);
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     let mut starts = 0;
     while starts < options.starts.max(1) {
@@ -58,18 +58,28 @@ pub(super) fn solve(problem: &mut Problem, options: &Options) -> Result<Found, S
                 break;
             }
         }
-        if options.handle.is_ended() || ends.iter().any(|(error, _)| *error < SOLVED) {
+        if let Some(solved) = ends.pop_if(|(error, _)| *error < SOLVED) {
+            let least = search.minimise_change(solved.1);
+            if let Some(unknowns) = search.problem.assembled(least.clone()) {
+                return Ok(Found { unknowns, iterations: search.iterations, starts });
+            }
+            incomplete.get_or_insert(least);
+        }
+        if options.handle.is_ended() {
             break;
         }
     }
-    let Some((error, unknowns)) = ends.iter().min_by(|a, b| a.0.total_cmp(&b.0)) else {
+    // No start gives an arm that has a pose at rest: why is said of the first.
+    if let Some(unknowns) = incomplete {
+        return Ok(Found { unknowns, iterations: search.iterations, starts });
+    }
+    let Some((_, nearest)) = ends.iter().min_by(|a, b| a.0.total_cmp(&b.0)) else {
         search.problem.residual(&base_line)?;
         return Ok(Found { unknowns: base_line, iterations: search.iterations, starts });
     };
-    let unknowns = match *error < SOLVED {
-        true => search.minimise_change(unknowns.clone()),
-        false => search.closest(&ends, &options.handle).unwrap_or_else(|| unknowns.clone()),
-    };
+    let nearest = nearest.clone();
+    let closest = search.closest(&ends, &options.handle).unwrap_or(nearest);
+    let unknowns = search.problem.assembled(closest.clone()).unwrap_or(closest);
     Ok(Found { unknowns, iterations: search.iterations, starts })
 }
 

@@ -12,7 +12,7 @@ use darm_arm::draw::{Scene, svg};
 use darm_arm::synthesis::{
     Bounds, Method, MinStroke, Options, Scheme as PaperScheme, SearchHandle, Status, StuckActuator, Synthesis,
     Tolerance, buy, choose_words, equal_stops, expected, min_strokes, minimize_sensitivity, read_catalogue, repair,
-    short_strokes, stops_as_they_are, synthesize_by_few,
+    short_strokes, stops_as_they_are, synthesize_by_few, without_pose,
 };
 
 use crate::failure::Usage;
@@ -169,6 +169,15 @@ impl Synth {
             return Err(not_met(&found, options.method).into());
         }
         self.warn_of_strokes(&found.arm, ui);
+        for module in without_pose(&found.arm) {
+            let text = |digits: &Vec<u8>| digits.iter().map(u8::to_string).collect::<String>();
+            let settings: Vec<String> = module.settings.iter().map(text).collect();
+            ui.note(&format!(
+                "warning: {} cannot be assembled with its actuators at {}; no table can use words that contain it",
+                found.arm.stage_name(module.stage),
+                settings.join(", ")
+            ));
+        }
         self.write_files(&base.model, &found, ui)?;
         ui.print(&Synthesised::of(&found, &self.output, extras))
     }

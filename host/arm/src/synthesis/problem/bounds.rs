@@ -16,6 +16,13 @@ pub(in crate::synthesis) struct Bound {
     pub(in crate::synthesis) min: f64,
 }
 
+/// What one unknown may be, and its difference from the state before it.
+#[derive(Clone, Copy)]
+struct Limits {
+    value: (f64, f64),
+    stroke: (f64, f64),
+}
+
 impl Bound {
     /// By how much the bound is kept; below zero it is broken.
     pub(in crate::synthesis) fn slack(&self, unknowns: &DVector<f64>) -> f64 {
@@ -39,44 +46,61 @@ impl Problem<'_> {
     }
 
     pub(super) fn bound_stops(&mut self, bounds: &Bounds, ranges: &[StopRange]) {
-        for (index, stop) in self.stops.iter().enumerate() {
-            let Parameter::Stop { actuator, state } = *stop else {
-                let here = self.start[index];
-                let sides = [1.0, -1.0].map(|side| (side, side * here - bounds.anchor_m));
-                let finite = sides.into_iter().filter(|(_, min)| min.is_finite());
-                self.bounds.extend(finite.map(|(side, min)| Bound { terms: vec![(index, side)], min }));
-                continue;
-            };
-            let states = self.base_line.model.chain.n_states(actuator.into());
-            let (min, max) = if turns(self.base_line, stop) {
-                (-bounds.turn_rad, bounds.turn_rad)
-            } else if is_leg(self.base_line, stop) {
-                let (short, long) = (index - usize::from(state), index - usize::from(state) + states - 1);
-                (bounds.shortest * self.start[short], bounds.longest * self.start[long])
-            } else {
-                (f64::NEG_INFINITY, f64::INFINITY)
-            };
-            let is_own = |range: &&StopRange| {
-                range.actuator == usize::from(actuator) && range.state.is_none_or(|own| own == state)
-            };
-            let own = ranges.iter().filter(is_own);
-            let (mut value, mut stroke) = ((min, max), (bounds.stroke, f64::INFINITY));
-            for range in own {
-                value = (value.0.max(range.value.0), value.1.min(range.value.1));
-                stroke = (stroke.0.max(range.stroke.0), stroke.1.min(range.stroke.1));
-            }
+        let mut limits: Vec<Limits> =
+            self.stops.iter().enumerate().map(|(index, stop)| self.limits_of(index, stop, bounds, ranges)).collect();
+        // The stroke to a neighbour is the only inequality of two unknowns. What it leaves of the neighbour's range is taken
+        // into the own one: bounds that are kept as equations then never contradict each other.
+        let follows = |index: usize| matches!(self.stops[index], Parameter::Stop { state, .. } if state > 0);
+        for index in (1..limits.len()).filter(|index| follows(*index)) {
+            let (before, stroke) = (limits[index - 1].value, limits[index].stroke);
+            let value = &mut limits[index].value;
+            *value = (value.0.max(before.0 + stroke.0), value.1.min(before.1 + stroke.1));
+        }
+        for index in (1..limits.len()).rev().filter(|index| follows(*index)) {
+            let Limits { value: after, stroke } = limits[index];
+            let value = &mut limits[index - 1].value;
+            *value = (value.0.max(after.0 - stroke.1), value.1.min(after.1 - stroke.0));
+        }
+        for (index, Limits { value, stroke }) in limits.into_iter().enumerate() {
             let mut bound = |terms: &[(usize, f64)], min: f64| {
                 if min.is_finite() {
                     self.bounds.push(Bound { terms: terms.to_vec(), min });
                 }
             };
-            if state > 0 {
+            if matches!(self.stops[index], Parameter::Stop { state, .. } if state > 0) {
                 bound(&[(index, 1.0), (index - 1, -1.0)], stroke.0);
                 bound(&[(index - 1, 1.0), (index, -1.0)], -stroke.1);
             }
             bound(&[(index, 1.0)], value.0);
             bound(&[(index, -1.0)], -value.1);
         }
+    }
+
+    fn limits_of(&self, index: usize, stop: &Parameter, bounds: &Bounds, ranges: &[StopRange]) -> Limits {
+        let Parameter::Stop { actuator, state } = *stop else {
+            let here = self.start[index];
+            return Limits {
+                value: (here - bounds.anchor_m, here + bounds.anchor_m),
+                stroke: (f64::NEG_INFINITY, f64::INFINITY),
+            };
+        };
+        let states = self.base_line.model.chain.n_states(actuator.into());
+        let (min, max) = if turns(self.base_line, stop) {
+            (-bounds.turn_rad, bounds.turn_rad)
+        } else if is_leg(self.base_line, stop) {
+            let (short, long) = (index - usize::from(state), index - usize::from(state) + states - 1);
+            (bounds.shortest * self.start[short], bounds.longest * self.start[long])
+        } else {
+            (f64::NEG_INFINITY, f64::INFINITY)
+        };
+        let is_own =
+            |range: &&StopRange| range.actuator == usize::from(actuator) && range.state.is_none_or(|own| own == state);
+        let (mut value, mut stroke) = ((min, max), (bounds.stroke, f64::INFINITY));
+        for range in ranges.iter().filter(is_own) {
+            value = (value.0.max(range.value.0), value.1.min(range.value.1));
+            stroke = (stroke.0.max(range.stroke.0), stroke.1.min(range.stroke.1));
+        }
+        Limits { value, stroke }
     }
 
     pub(super) fn bound_servos(&mut self) {

@@ -4,6 +4,7 @@ mod bounds;
 mod parameters;
 mod target;
 
+use darm_core::actuator::Stage;
 use darm_core::chain::{ChainError, Parameter};
 use darm_core::se::Pose;
 use darm_core::units::Word;
@@ -176,6 +177,12 @@ impl<'a> Problem<'a> {
         arm.model.chain = self.model.chain.clone();
         arm.model.number += 1;
         arm
+    }
+
+    /// One stage of the arm with these stops.
+    pub(in crate::synthesis) fn stage(&mut self, unknowns: &DVector<f64>, stage: usize) -> &Stage<f64> {
+        self.take(unknowns);
+        &self.model.chain.stages[stage]
     }
 
     /// Root of the sum of squares of what the stops were altered by.

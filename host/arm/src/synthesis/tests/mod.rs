@@ -1,5 +1,6 @@
 //! Laws of the synthesis: arms, frames and draws that its tests share.
 
+mod assembly;
 mod bounds;
 mod closest;
 mod exactness;

@@ -1,0 +1,136 @@
+//! Stops that no frame uses, set so that every module can be assembled in every setting of its actuators.
+//!
+//! The frames say nothing of these stops. Where the others have moved far they may leave a module without a pose at rest, which is no
+//! arm, or in other words, which no table could then use.
+
+use darm_core::actuator::{MAX_LEGS, Setting, Stage};
+use darm_core::chain::Parameter;
+use nalgebra::DVector;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+use super::problem::Problem;
+use crate::arm::Arm;
+
+/// Sizes of alterations that are tried, from small to large, and draws of each: a draw takes some 30 µs on a platform of three legs.
+const SIZES: u32 = 64;
+const DRAWS: u32 = 64;
+/// The largest standard deviation, as a share of a stop: the default bounds are a half and twice the length.
+const LARGEST: f64 = 0.3;
+
+/// The settings of one module in which it cannot be assembled: a digit for each of its actuators.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct WithoutPose {
+    /// Number of the stage.
+    pub stage: usize,
+    /// The settings.
+    pub settings: Vec<Vec<u8>>,
+}
+
+/// The modules of an arm with settings in which they cannot be assembled: no table can use words that contain them.
+pub fn without_pose(arm: &Arm) -> Vec<WithoutPose> {
+    let stages = arm.model.chain.stages.iter().enumerate();
+    let lacking = stages.map(|(stage, module)| WithoutPose { stage, settings: lacking(module) });
+    lacking.filter(|module| !module.settings.is_empty()).collect()
+}
+
+fn lacking(stage: &Stage<f64>) -> Vec<Vec<u8>> {
+    let is_platform = matches!(stage, Stage::Planar(_) | Stage::Spatial(_));
+    let count = if is_platform { (0..stage.n_actuators()).map(|leg| stage.n_states(leg)).product() } else { 0 };
+    (0..count).map(|index| digits(stage, index)).filter(|digits| !is_assembled(stage, digits)).collect()
+}
+
+/// The digits of the setting with this index, the first digit changing fastest.
+fn digits(stage: &Stage<f64>, mut index: usize) -> Vec<u8> {
+    let digit = |leg| {
+        let digit = index % stage.n_states(leg);
+        index /= stage.n_states(leg);
+        digit as u8
+    };
+    (0..stage.n_actuators()).map(digit).collect()
+}
+
+fn is_assembled(stage: &Stage<f64>, digits: &[u8]) -> bool {
+    let mut settings = [Setting::of_joint(0.0); MAX_LEGS];
+    for (leg, (setting, &digit)) in settings.iter_mut().zip(digits).enumerate() {
+        let Some(own) = stage.setting(leg, digit) else { return false };
+        *setting = own;
+    }
+    stage.pose(&settings).is_ok()
+}
+
+/// What a module has to do in any case: an arm without a pose at rest or fully extended cannot be read from its file.
+fn stands(stage: &Stage<f64>) -> bool {
+    let extended: Vec<u8> = (0..stage.n_actuators()).map(|leg| stage.n_states(leg) as u8 - 1).collect();
+    is_assembled(stage, &vec![0; extended.len()]) && is_assembled(stage, &extended)
+}
+
+impl Problem<'_> {
+    /// The unknowns with stops that no frame uses altered, as little as a few draws find, so that every module is assembled in
+    /// every setting; where none of them is, at rest and fully extended. `None` where even that cannot be.
+    pub(super) fn assembled(&mut self, mut unknowns: DVector<f64>) -> Option<DVector<f64>> {
+        for stage in 0..self.base_line().model.chain.stages.len() {
+            let is_whole = |stage: &Stage<f64>| lacking(stage).is_empty();
+            if self.holds(&unknowns, stage, is_whole) {
+                continue;
+            }
+            let repaired = self.with_free_stops(&unknowns, stage, is_whole);
+            unknowns = match repaired {
+                Some(repaired) => repaired,
+                None if self.holds(&unknowns, stage, stands) => unknowns,
+                None => self.with_free_stops(&unknowns, stage, stands)?,
+            };
+        }
+        Some(unknowns)
+    }
+
+    fn holds(&mut self, unknowns: &DVector<f64>, stage: usize, is_enough: impl Fn(&Stage<f64>) -> bool) -> bool {
+        is_enough(self.stage(unknowns, stage))
+    }
+
+    fn with_free_stops(
+        &mut self,
+        unknowns: &DVector<f64>,
+        stage: usize,
+        is_enough: impl Fn(&Stage<f64>) -> bool,
+    ) -> Option<DVector<f64>> {
+        let free = self.free_stops(stage);
+        // The draws are the same each time: an answer can be repeated.
+        let mut rng = ChaCha8Rng::seed_from_u64(stage as u64);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+        for size in 1..=SIZES {
+            let deviation = LARGEST * f64::from(size) / f64::from(SIZES);
+            let mut best: Option<(f64, DVector<f64>)> = None;
+            for _ in 0..DRAWS {
+                let mut drawn = unknowns.clone();
+                free.iter().for_each(|&stop| drawn[stop] *= 1.0 + deviation * normal());
+                let altered = self.alteration(&drawn);
+                let is_least = best.as_ref().is_none_or(|(least, _)| altered < *least);
+                if is_least && self.keeps_bounds(&drawn) && self.holds(&drawn, stage, &is_enough) {
+                    best = Some((altered, drawn));
+                }
+            }
+            if let Some((_, drawn)) = best {
+                return Some(drawn);
+            }
+        }
+        None
+    }
+
+    /// The unknowns that are stops of a module and that no frame uses.
+    fn free_stops(&self, stage: usize) -> Vec<usize> {
+        let chain = &self.base_line().model.chain;
+        let is_own = |stop: &Parameter| match *stop {
+            Parameter::Stop { actuator, .. } => chain.actuator(actuator.into()).is_some_and(|(own, _)| own == stage),
+            _ => false,
+        };
+        let is_used =
+            |unknown: usize| self.targets.iter().any(|target| target.used.iter().any(|(used, _)| *used == unknown));
+        (0..self.n_stops()).filter(|&unknown| is_own(&self.stops[unknown]) && !is_used(unknown)).collect()
+    }
+
+    fn keeps_bounds(&self, unknowns: &DVector<f64>) -> bool {
+        self.bounds.iter().all(|bound| bound.slack(unknowns) > -1e-12)
+    }
+}
