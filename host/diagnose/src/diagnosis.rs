@@ -12,6 +12,7 @@
 
 use crate::agreement::{self, Agreement};
 use crate::correction::{ArmCorrection, Outcome, SignalCorrection};
+use crate::effect::{Effect, Law};
 use crate::error::{DiagnoseError, MIN_WORDS};
 use crate::judge;
 use crate::judge::held_out::HeldOut;
@@ -89,7 +90,8 @@ pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Outcome<ArmCo
     let no_pose = |NoPose { sample, error }| DiagnoseError::NoPose { line: run.line(sample), error };
     options.progress.enter(Stage::Prepare)?;
     let mut findings = check(arm, run);
-    findings.extend(run_findings::temperature(run));
+    let doubt = run_findings::temperature(run);
+    findings.extend(doubt.clone());
     if let Some(finding) = findings.iter().find(|finding| finding.severity == Severity::Error) {
         return Err(DiagnoseError::Row(finding.clone()));
     }
@@ -108,7 +110,10 @@ pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Outcome<ArmCo
     let repeatability = repeats.as_ref();
     let selected = SelectedPoses { arm, run, problem: &problem, repeatability, best: &best, agreement: &agreement };
     let how = Proposal { seed: options.seed, words: options.next_words };
-    let (judgement, with_terms) = judge::poses::judge(&selected, &start, rivals, how).map_err(no_pose)?;
+    let (mut judgement, with_terms) = judge::poses::judge(&selected, &start, rivals, how).map_err(no_pose)?;
+    if doubt.is_some() {
+        withhold_intervals(&mut judgement.effects);
+    }
     options.progress.check()?;
     let summary = report::poses::summary(&selected, path, options.seed).map_err(no_pose)?;
     let summary = Summary { findings, rejected: options.rejected.clone(), ..summary };
@@ -121,6 +126,12 @@ pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Outcome<ArmCo
         with_terms,
     };
     Ok(Outcome { diagnosis, correction })
+}
+
+/// Takes the intervals from what grows with a temperature whose unit is in doubt: they hold in one unit only.
+fn withhold_intervals(effects: &mut [Effect]) {
+    let thermal = effects.iter_mut().filter(|effect| effect.law == Law::ThermalGrowth);
+    thermal.flat_map(|effect| &mut effect.values).for_each(|value| value.ci95 = None);
 }
 
 /// The rows of a run as a regression problem, in units of the noise of its repeats; without enough repeats in that of the residuals

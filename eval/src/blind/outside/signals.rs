@@ -108,7 +108,8 @@ impl World {
 }
 
 fn of_time(_: &Seen, column: Vec<f64>) -> Shape {
-    (column, vec!["time".into()])
+    // The temperature of a bench rises with time.
+    (column, vec!["time".into(), "temperature".into()])
 }
 
 fn of_own(seen: &Seen, shape: impl Fn(f64) -> f64) -> Shape {
