@@ -8,6 +8,7 @@ pub mod intervals;
 pub(crate) mod lack_of_fit;
 pub mod next_rows;
 pub mod next_words;
+mod own_angle;
 pub mod pose_dictionary;
 pub mod pose_intervals;
 pub mod poses;
@@ -32,6 +33,8 @@ pub(crate) struct Judgement {
     pub(crate) repeatability: Option<Repeatability>,
     /// Whether the noise is known well enough to say that nothing else is left.
     pub(crate) is_noise_known: bool,
+    /// Whether more than noise is left with the effects selected.
+    pub(crate) is_more_left: bool,
     /// What the residual depends on before any effect is added; not looked for in signals.
     pub(crate) structure: Option<Structure>,
     /// What it depends on with the effects selected.

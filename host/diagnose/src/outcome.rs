@@ -10,6 +10,7 @@
 //! | `cross_validated` | whether the rows of `held_out` were left out in turn and chose the effects, so that no row is held out for good |
 //! | `repeatability` | scatter of repeated conditions with its degrees of freedom, or null where too little is repeated |
 //! | `noise_known` | whether the noise is known well enough to say that nothing else is left |
+//! | `more_left` | whether more than noise is left with the effects that are named |
 //! | `error.before`, `error.after` | root mean square of predicted minus measured on `train` and `held_out`: each axis, and the norm |
 //! | `verdict` | `effect-found`, `partly-explained`, `no-effect`, `unexplained-structure`, `not-identifiable`, `too-little-data`, `wrong-model-or-log` |
 //! | `other_reading` | of a wrong model or log: how it agrees, and the error then; null where no reading that was tried does |
@@ -66,6 +67,9 @@ pub struct Diagnosis {
     /// Whether the noise is known well enough to say that nothing else is left.
     #[serde(rename = "noise_known")]
     pub is_noise_known: bool,
+    /// Whether more than noise is left with the effects selected.
+    #[serde(rename = "more_left")]
+    pub is_more_left: bool,
     /// Predicted minus measured, of the model as it was and with the effects found.
     pub error: BeforeAfter,
     /// The verdict.
@@ -108,14 +112,30 @@ pub struct Diagnosis {
 }
 
 impl Diagnosis {
+    /// Whether what is left follows something that was recorded.
+    fn has_clue(&self) -> bool {
+        self.remaining.depends_on.iter().any(|one| one.regressor != Regressor::Condition)
+    }
+
     /// What a person does next: first about conditions that were not read, then what the verdict asks for.
     pub fn next_step(&self) -> String {
         let unread = self.findings.iter().filter(|finding| finding.kind == FindingKind::UnreadCondition);
         let columns: Vec<&str> = unread.filter_map(|finding| finding.column.as_deref()).collect();
         let step = match self.verdict {
-            Verdict::PartlyExplained if !self.is_noise_known => {
+            Verdict::PartlyExplained if !self.is_more_left => {
                 "write the corrected model, and record again with some of the rows repeated: only that shows whether another cause is \
                  left."
+            }
+            Verdict::PartlyExplained if !self.has_clue() => {
+                "write the corrected model; another cause is left, which follows nothing that was recorded: record again what else \
+                 changes, such as temperature, supply or load."
+            }
+            Verdict::NotIdentifiable if self.next_measurement.is_none() => {
+                "look at the robot which of the candidates it has, and exclude the others with --reject: no motion distinguishes them."
+            }
+            Verdict::UnexplainedStructure if !self.has_clue() => {
+                "record again what else changes, such as time, temperature, supply or load: what is left follows nothing that was \
+                 recorded."
             }
             verdict => verdict.next_step(),
         };

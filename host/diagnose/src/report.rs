@@ -47,6 +47,7 @@ pub(crate) fn diagnosis(
         left_out: summary.left_out,
         repeatability: judgement.repeatability,
         is_noise_known: judgement.is_noise_known,
+        is_more_left: judgement.is_more_left,
         error: summary.error,
         verdict: judgement.verdict,
         other_reading: summary.other_reading,

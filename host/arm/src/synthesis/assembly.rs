@@ -13,7 +13,7 @@ use rand_distr::{Distribution, StandardNormal};
 use super::problem::Problem;
 use crate::arm::Arm;
 
-/// Sizes of alterations that are tried, from small to large, and draws of each: a draw takes some 30 µs on a platform of three legs.
+/// Sizes of alterations that are tried, from small to large, and draws of each.
 const SIZES: u32 = 64;
 const DRAWS: u32 = 64;
 /// The largest standard deviation, as a share of a stop: the default bounds are a half and twice the length.

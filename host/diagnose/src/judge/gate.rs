@@ -18,8 +18,6 @@ use crate::prepare::repeatability::MIN_DOF;
 
 /// Share of what is beyond the noise that may be left where a verdict says that it is explained.
 pub(crate) const UNEXPLAINED_SHARE: f64 = 0.1;
-/// The same as a root mean square, in units of the noise that what is left itself shows, where none is known otherwise.
-pub(crate) const MAX_LEFT: f64 = 1.5;
 
 /// What a verdict rests on.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -8,15 +8,19 @@ use crate::select::significance::f_test;
 pub(crate) const MAX_OVER_NOISE: f64 = 1.2;
 /// Chance that any axis of what is left, being just so much above the noise, is said to exceed it.
 const BOUND_LEVEL: f64 = 0.01;
-/// Shares of the numbers, the farthest off, that do not count: the smallest figure of these serves. Blunders of an instrument are
-/// in few rows; noise of another distribution than the normal one is distinguished from more of it by one share or another.
-const TRIMMED: [f64; 3] = [0.02, 0.05, 0.1];
+/// Share of the numbers, the farthest off, that do not count beside those that are as many times the noise off: noise of another
+/// distribution than the normal one has more of them. Blunders of an instrument are in few rows: of more the largest share.
+const TRIMMED: f64 = 0.02;
+const FAR: f64 = 5.0;
+const MAX_TRIMMED: f64 = 0.12;
 /// What trimming leaves of the degrees of freedom.
 const TRIMMED_DOF: f64 = 0.8;
 
 /// What is left of one axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct AxisLeft {
+    /// Its number: other rows of it are beside the same noise.
+    pub(crate) axis: usize,
     /// Its mean square in units of the noise's.
     pub(crate) ratio: f64,
     /// Degrees of freedom of what is left, and of the noise.
@@ -25,34 +29,59 @@ pub(crate) struct AxisLeft {
 
 impl AxisLeft {
     /// What residuals leave that `fitted` values were fitted to, beside a noise of this mean square.
-    pub(crate) fn over_noise(residuals: &[f64], fitted: f64, noise: f64, noise_dof: usize) -> Option<Self> {
-        Self::of(residuals, fitted, |_| noise, noise_dof as f64)
+    pub(crate) fn over_noise(
+        axis: usize,
+        residuals: &[f64],
+        fitted: f64,
+        noise: f64,
+        noise_dof: usize,
+    ) -> Option<Self> {
+        Self::of(axis, residuals, fitted, |_| noise, noise_dof as f64)
     }
 
     /// The same beside numbers that are of the noise alone, of which as large a share does not count.
-    pub(crate) fn over_sample(residuals: &[f64], fitted: f64, noise: &[f64], noise_dof: usize) -> Option<Self> {
+    pub(crate) fn over_sample(
+        axis: usize,
+        residuals: &[f64],
+        fitted: f64,
+        noise: &[f64],
+        noise_dof: usize,
+    ) -> Option<Self> {
         let sorted = sorted_squares(noise);
-        Self::of(residuals, fitted, |share| trimmed_mean(&sorted, share), TRIMMED_DOF * noise_dof as f64)
+        Self::of(axis, residuals, fitted, |share| trimmed_mean(&sorted, share), TRIMMED_DOF * noise_dof as f64)
     }
 
-    fn of(residuals: &[f64], fitted: f64, noise: impl Fn(f64) -> f64, noise_dof: f64) -> Option<Self> {
+    fn of(axis: usize, residuals: &[f64], fitted: f64, noise: impl Fn(f64) -> f64, noise_dof: f64) -> Option<Self> {
         let (sorted, n) = (sorted_squares(residuals), residuals.len() as f64);
         let rest = n - fitted;
-        let ratio = |share: &f64| trimmed_mean(&sorted, *share) / noise(*share).max(f64::MIN_POSITIVE);
-        let min_ratio = TRIMMED.iter().map(ratio).fold(f64::INFINITY, f64::min);
-        (rest >= 1.0).then(|| Self { ratio: min_ratio * n / rest, dof: [(TRIMMED_DOF * rest).max(1.0), noise_dof] })
+        let limit = FAR * FAR * noise(TRIMMED);
+        let far = sorted.iter().rev().take_while(|square| **square > limit).count();
+        let share = (TRIMMED + far as f64 / n).min(MAX_TRIMMED);
+        let ratio = trimmed_mean(&sorted, share) / noise(share).max(f64::MIN_POSITIVE);
+        (rest >= 1.0).then(|| Self { axis, ratio: ratio * n / rest, dof: [(TRIMMED_DOF * rest).max(1.0), noise_dof] })
     }
 }
 
-/// Whether any axis is above the noise by more than [`MAX_OVER_NOISE`], all axes together: the lower bound of the ratio, by the F
-/// distribution with the degrees of freedom of both.
+/// Whether what is left is above the noise by more than [`MAX_OVER_NOISE`], on any axis or on all of them together: the lower bound
+/// of the ratio, by the F distribution with the degrees of freedom of both. What is little on each axis is seen on all.
 pub(crate) fn exceeds_noise(axes: &[AxisLeft]) -> bool {
     let level = BOUND_LEVEL / axes.len().max(1) as f64;
-    let chance = |axis: &AxisLeft| {
-        let [dof, noise_dof] = axis.dof.map(|dof| dof as usize);
-        f_test(axis.ratio / (MAX_OVER_NOISE * MAX_OVER_NOISE), dof, noise_dof)
-    };
-    axes.iter().any(|axis| chance(axis) < level)
+    axes.iter().any(|axis| chance(axis) < level) || together(axes).is_some_and(|all| chance(&all) < BOUND_LEVEL)
+}
+
+/// Chance of as much where the ratio is [`MAX_OVER_NOISE`].
+fn chance(left: &AxisLeft) -> f64 {
+    let [dof, noise_dof] = left.dof.map(|dof| dof as usize);
+    f_test(left.ratio / (MAX_OVER_NOISE * MAX_OVER_NOISE), dof, noise_dof)
+}
+
+/// What is left of all axes, each in units of its noise; the noise of an axis counts once.
+fn together(axes: &[AxisLeft]) -> Option<AxisLeft> {
+    let first = axes.first()?;
+    let [sum, dof] = axes.iter().fold([0.0; 2], |[sum, dof], left| [sum + left.ratio * left.dof[0], dof + left.dof[0]]);
+    let is_new = |k: &usize| axes[..*k].iter().all(|other| other.axis != axes[*k].axis);
+    let noise_dof = (0..axes.len()).filter(is_new).map(|k| axes[k].dof[1]).sum();
+    Some(AxisLeft { axis: first.axis, ratio: sum / dof, dof: [dof, noise_dof] })
 }
 
 fn sorted_squares(numbers: &[f64]) -> Vec<f64> {
@@ -86,10 +115,10 @@ mod tests {
         let mut random = ChaCha8Rng::seed_from_u64(SEED);
         let mut draw = |n: usize| (0..n).map(|_| number(&mut random)).collect::<Vec<f64>>();
         let mut alarm = || {
-            let axes = (0..3).map(|_| {
+            let axes = (0..3).map(|axis| {
                 let (rows, repeats) = (draw(rows), draw(repeats));
                 let noise = repeats.iter().map(|r| r * r).sum::<f64>() / repeats.len() as f64;
-                AxisLeft::over_noise(&rows, 0.0, noise, repeats.len()).unwrap()
+                AxisLeft::over_noise(axis, &rows, 0.0, noise, repeats.len()).unwrap()
             });
             exceeds_noise(&axes.collect::<Vec<_>>())
         };
@@ -115,7 +144,7 @@ mod tests {
 
     #[test]
     fn twice_the_noise_exceeds_it_where_the_noise_is_known_well() {
-        let left = |ratio: f64, noise_dof: f64| AxisLeft { ratio, dof: [200.0, noise_dof] };
+        let left = |ratio: f64, noise_dof: f64| AxisLeft { axis: 0, ratio, dof: [200.0, noise_dof] };
         assert!(exceeds_noise(&[left(1.0, 100.0), left(4.0, 100.0)]));
         assert!(exceeds_noise(&[left(5.1, 29.0); 3]), "an axis of 2.26 times a repeatability of 29 degrees of freedom");
         assert!(!exceeds_noise(&[left(1.3, 1e4); 3]), "1.14 times");
@@ -123,10 +152,17 @@ mod tests {
     }
 
     #[test]
+    fn half_as_much_again_as_the_noise_is_seen_on_three_axes_together() {
+        let left = |axis: usize| AxisLeft { axis, ratio: 2.25, dof: [120.0, 33.0] };
+        assert!(!exceeds_noise(&[left(0), left(0)]), "a noise of 33 degrees of freedom");
+        assert!(exceeds_noise(&[left(0), left(1), left(2), left(0), left(1), left(2)]));
+    }
+
+    #[test]
     fn rows_that_are_far_off_decide_nothing() {
         let mut random = ChaCha8Rng::seed_from_u64(SEED);
         let mut rows: Vec<f64> = (0..400).map(|_| StandardNormal.sample(&mut random)).collect();
         rows.iter_mut().step_by(20).for_each(|row| *row = 1e3);
-        assert!(!exceeds_noise(&[AxisLeft::over_noise(&rows, 4.0, 1.0, 60).unwrap()]));
+        assert!(!exceeds_noise(&[AxisLeft::over_noise(0, &rows, 4.0, 1.0, 60).unwrap()]));
     }
 }

@@ -3,7 +3,7 @@
 use darm_core::effect::Effect;
 
 use super::fitted_terms::{WithTerms, with_terms};
-use super::gate::{self, Evidence, MAX_LEFT, UNEXPLAINED_SHARE};
+use super::gate::{self, Evidence, UNEXPLAINED_SHARE};
 use super::lack_of_fit::{AxisLeft, MAX_OVER_NOISE, exceeds_noise};
 use super::next_words::{self, Proposal};
 use super::regression::of_axis;
@@ -40,8 +40,6 @@ pub(crate) fn judge(
     let is_wrong_in_part = far_rows::are_too_many(far_rows::far_rows(selected).len(), problem.training.rows.len());
     let explained = agreement::poses::explained(arm, selected.run, problem.training.distances_m(&best.predicted));
     let beyond_repeats = |trial: &Trial<ToolPoses>| Ok(exceeds_noise(&left(selected, trial)?));
-    // Without repeats the residuals themselves are the noise that they are compared with.
-    let max_left = if selected.repeats().is_some() { MAX_OVER_NOISE } else { MAX_LEFT };
     let evidence = Evidence {
         agrees: selected.agreement.allows(effects.len(), explained),
         named: effects.len(),
@@ -50,7 +48,7 @@ pub(crate) fn judge(
         is_left: is_wrong_in_part
             || beyond_repeats(best)?
             || remaining.beyond_noise
-                && (remaining.over_noise > max_left || remaining.excess > UNEXPLAINED_SHARE * before.excess),
+                && (remaining.over_noise > MAX_OVER_NOISE || remaining.excess > UNEXPLAINED_SHARE * before.excess),
         is_mainly_taken: remaining.excess <= MAX_PARTLY_LEFT * before.excess,
         held_out_falls: problem.held_out_falls(start, best)?,
         noise_dof: selected.repeatability.map_or(0, |noise| noise.dof),
@@ -79,6 +77,8 @@ pub(crate) fn judge(
         unconfirmed: Vec::new(),
         repeatability: selected.repeatability.map(|noise| repeatability(arm, noise)),
         is_noise_known: evidence.is_noise_known(),
+        // What the residual correlates with is more, if too little to change the verdict.
+        is_more_left: evidence.is_left || remaining.beyond_noise,
         structure: Some(before),
         remaining,
         next_measurement,
@@ -105,7 +105,13 @@ fn left(selected: &SelectedPoses, trial: &Trial<ToolPoses>) -> Result<Vec<AxisLe
     let rows = [(&trial.fit.residuals, trial.fit.values.len()), (&held_out, 0)];
     let left = |axis: usize| {
         rows.iter().filter_map(move |(residuals, fitted)| {
-            AxisLeft::over_noise(&of_axis(residuals, n_axes, axis), *fitted as f64 / n_axes as f64, 1.0, noise.dof)
+            AxisLeft::over_noise(
+                axis,
+                &of_axis(residuals, n_axes, axis),
+                *fitted as f64 / n_axes as f64,
+                1.0,
+                noise.dof,
+            )
         })
     };
     Ok((0..n_axes).flat_map(left).collect())

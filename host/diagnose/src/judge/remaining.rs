@@ -1,13 +1,14 @@
 //! What remains when no law helps any more: on which channels each axis of the residual depends, and how.
 //!
 //! A sparse regression over a dictionary: each channel c, c², |c|, sign(c), waves with up to `WAVES` periods in its range,
-//! a smooth curve of any form and, of few channels, their products. The term that explains most of an axis for the columns
+//! a smooth curve of any form, c and sign(c) times the time, and, of few channels, their products. The term that explains most of an axis for the columns
 //! that it takes (Bayesian information criterion) is listed and taken out, then the next, while each is no chance (F test,
 //! times the number of terms tried, rows counting as many times as they do not repeat each other). Numbers that stand out
 //! between the rows beside them are drawn in first.
 
 use std::f64::consts::TAU;
 
+use crate::judge::far_rows::far_rows_of_signals;
 use crate::judge::regression::{Design, Term, centred, of_axis, squares};
 use crate::linearise::experiment::{Axis, Experiment};
 use crate::outcome::{Dependence, Number, Regressor, Shape};
@@ -22,6 +23,11 @@ const FEW: usize = 6;
 const MAX_TERMS: usize = 4;
 /// Periods of a wave in the range of its channel.
 const WAVES: u8 = 8;
+/// The same in time, and of postures: a robot's tool is measured in few rows, and gears and instruments have short periods.
+const WAVES_IN_TIME: u8 = 32;
+const WAVES_OF_POSTURES: u8 = 48;
+/// The channel of the time.
+const TIME: &str = "time";
 /// Where the pieces of a curve meet, as shares of the rows below.
 ///
 /// Source: F. E. Harrell, Regression Modeling Strategies, 2nd ed., Springer (2015), table 2.3.
@@ -33,6 +39,8 @@ const MIN_CORRELATION: f64 = 0.5;
 const MIN_PAIRS: f64 = 100.0;
 /// A residual counts as this multiple of the noise at most.
 const FAR: f64 = 4.0;
+/// Share of the rows up to which those that are far off are blunders.
+const FEW_ROWS: f64 = 0.02;
 /// Rows to either side that a number is held against, and how many times farther off than usual it is drawn in from.
 const NEIGHBOURS: usize = 2;
 const OUTLYING: f64 = 7.5;
@@ -56,8 +64,10 @@ pub(crate) fn remaining(problem: &Signals, best: &Trial<Signals>) -> Remaining {
     let designs: Vec<Design> = dictionary.iter().filter_map(|term| Design::new(term, rows)).collect();
     let mut terms = Vec::new();
     let (mut taken, mut before, mut over_noise) = (0.0, f64::MIN_POSITIVE, 1.0f64);
+    let blunders = blunders(problem, best);
     for (axis, of) in own_axes(experiment) {
-        let (own, scatter) = winsorized(&of_axis(&after, n_axes, axis));
+        let (mut own, scatter) = winsorized(&of_axis(&after, n_axes, axis));
+        blunders.iter().for_each(|&row| own[row] = 0.0);
         let in_scatter = |own: &[f64]| squares(own, rows) / (scatter * scatter);
         let total = in_scatter(&own);
         let depends = dependences(problem, of, &designs, own);
@@ -68,6 +78,31 @@ pub(crate) fn remaining(problem: &Signals, best: &Trial<Signals>) -> Remaining {
         terms.extend(depends);
     }
     Remaining { terms, share: taken / before, over_noise }
+}
+
+/// What the residual of an axis depends on most in a model without one of its effects, and the residuals of all axes without that.
+pub(crate) fn instead(problem: &Signals, without: &Trial<Signals>, axis: usize) -> Option<(Dependence, Vec<f64>)> {
+    let experiment = &problem.experiment;
+    let n_axes = experiment.axes.len();
+    let mut residuals = experiment.at(&without.fit.values);
+    let dictionary = dictionary(experiment);
+    let designs: Vec<Design> =
+        dictionary.iter().filter_map(|term| Design::new(term, &problem.groups.training)).collect();
+    let (own, _) = winsorized(&of_axis(&residuals, n_axes, axis));
+    let first = dependences(problem, &experiment.axes[axis], &designs, own).into_iter().next()?;
+    let design = designs.iter().find(|d| d.term.regressor == first.regressor && d.term.shape == first.shape)?;
+    let left = design.take(&of_axis(&residuals, n_axes, axis)).left;
+    let mean = problem.groups.training.iter().map(|&row| left[row]).sum::<f64>() / problem.groups.training.len() as f64;
+    residuals.iter_mut().skip(axis).step_by(n_axes).zip(left).for_each(|(own, left)| *own = left - mean);
+    Some((first, residuals))
+}
+
+/// Training rows that are listed as outliers, where they are few: what residuals depend on is not theirs.
+fn blunders(problem: &Signals, best: &Trial<Signals>) -> Vec<usize> {
+    let training = &problem.groups.training;
+    let far = far_rows_of_signals(&problem.under(best).training_residuals(&best.fit), problem.experiment.axes.len());
+    let are_few = far.len() as f64 <= FEW_ROWS * training.len() as f64;
+    far.into_iter().filter(|_| are_few).map(|(row, _)| training[row]).collect()
 }
 
 /// The terms of one axis, the strongest first. Rows repeat each other as far as what a term leaves is correlated from row
@@ -154,11 +189,19 @@ pub(crate) fn memory(problem: &Signals, best: &Trial<Signals>) -> Vec<Dependence
 fn correlation_with_row_before(problem: &Signals, residuals: &[f64]) -> (f64, f64) {
     let rows = &problem.experiment.rows;
     let training = problem.groups.training.windows(2).zip(residuals.windows(2));
-    let pairs = training.filter(|(at, _)| at[1] == at[0] + 1 && rows[at[0]].series == rows[at[1]].series);
+    let is_other = |at: &[usize]| !problem.experiment.kind.is_of_tool() || !is_same_posture(&problem.experiment, at);
+    let follows = |at: &[usize]| at[1] == at[0] + 1 && rows[at[0]].series == rows[at[1]].series;
+    let pairs = training.filter(|(at, _)| follows(at) && is_other(at));
     let [both, before, after, count] = pairs.fold([0.0; 4], |[both, before, after, count], (_, r)| {
         [both + r[0] * r[1], before + r[0] * r[0], after + r[1] * r[1], count + 1.0]
     });
     (both / (before * after).sqrt().max(f64::MIN_POSITIVE), count)
+}
+
+/// Whether two rows are repeats of one posture: what they share is that posture's, not what lasts from row to row.
+fn is_same_posture(experiment: &Experiment, at: &[usize]) -> bool {
+    let mut postures = experiment.channels.iter().filter(|(name, _)| name != TIME);
+    postures.all(|(_, channel)| channel[at[0]] == channel[at[1]])
 }
 
 /// The dependence of an axis on its row before, which explains `share` of the mean square.
@@ -203,11 +246,23 @@ fn dictionary(experiment: &Experiment) -> Vec<Term> {
         term(Shape::Sign, vec![of(&|c| (c / 0.05).tanh())]);
         term(Shape::Curve, curve(&scaled));
         let (low, high) = scaled.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), c| (l.min(*c), h.max(*c)));
-        for periods in 1..=WAVES {
+        let waves = match () {
+            () if variable == TIME => WAVES_IN_TIME,
+            () if experiment.kind.is_of_tool() => WAVES_OF_POSTURES,
+            () => WAVES,
+        };
+        for periods in 1..=waves {
             let turn = |c: f64| TAU * f64::from(periods) * (c - low) / (high - low);
             term(Shape::Periods(periods), vec![of(&|c| turn(c).sin()), of(&|c| turn(c).cos())]);
         }
         straight.push((variable, scaled));
+    }
+    if straight.len() > FEW
+        && let Some((_, time)) = straight.iter().find(|(name, _)| *name == TIME)
+    {
+        terms.extend(
+            straight.iter().filter(|(name, _)| *name != TIME).map(|(name, channel)| with_time(name, time, channel)),
+        );
     }
     if straight.len() <= FEW {
         for (k, (name, a)) in straight.iter().enumerate() {
@@ -219,6 +274,21 @@ fn dictionary(experiment: &Experiment) -> Vec<Term> {
         }
     }
     terms
+}
+
+/// A channel and its sign with coefficients that grow or fall with time, such as a gain and a friction.
+fn with_time(name: &str, time: &[f64], channel: &[f64]) -> Term {
+    let mean = time.iter().sum::<f64>() / time.len().max(1) as f64;
+    let column = |of: &dyn Fn(f64) -> f64| time.iter().zip(channel).map(|(t, c)| (t - mean) * of(*c)).collect();
+    let sign = |c: f64| (c / 0.05).tanh();
+    let signs = channel.iter().map(|c| sign(*c)).collect();
+    let columns = vec![channel.to_vec(), signs, column(&|c| c), column(&sign)];
+    Term {
+        regressor: Regressor::Signals(vec![TIME.into(), name.into()]),
+        shape: Shape::Together,
+        columns,
+        kept: Vec::new(),
+    }
 }
 
 /// The channel itself, and cubic pieces between knots that continue straight beyond the last ones.

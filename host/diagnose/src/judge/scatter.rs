@@ -49,8 +49,8 @@ impl Scatter {
         let left = |axis: usize, k: usize| {
             let (rows, fitted) = (of_axis(&of_rows[k], n_axes, axis), [fitted as f64 / n_axes as f64, 0.0][k]);
             match self.off_neighbours.get(axis) {
-                Some(off) if !off.is_empty() => AxisLeft::over_sample(&rows, fitted, off, self.figure.dof),
-                _ => AxisLeft::over_noise(&rows, fitted, self.figure.axes[axis].value.powi(2), self.figure.dof),
+                Some(off) if !off.is_empty() => AxisLeft::over_sample(axis, &rows, fitted, off, self.figure.dof),
+                _ => AxisLeft::over_noise(axis, &rows, fitted, self.figure.axes[axis].value.powi(2), self.figure.dof),
             }
         };
         [0, 1].iter().flat_map(|&k| axes().filter_map(move |axis| left(axis, k)).collect::<Vec<_>>()).collect()

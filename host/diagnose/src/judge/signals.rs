@@ -1,20 +1,21 @@
 //! The verdict on signals: what else explains them, what is not identifiable, what remains, and what is named.
 
 use crate::agreement;
-use crate::effect::{Effect, Law};
+use crate::effect::{Effect, Law, Place};
 use crate::judge::far_rows::{are_too_many, far_rows_of_signals};
-use crate::judge::gate::{self, Evidence, MAX_LEFT, UNEXPLAINED_SHARE};
+use crate::judge::gate::{self, Evidence, UNEXPLAINED_SHARE};
 use crate::judge::held_out::HeldOut;
-use crate::judge::lack_of_fit::exceeds_noise;
+use crate::judge::lack_of_fit::{AxisLeft, MAX_OVER_NOISE, exceeds_noise};
 use crate::judge::remaining::{self, Remaining};
 use crate::judge::scatter::{self, Scatter};
 use crate::judge::selected::SelectedSignals;
-use crate::judge::{Judgement, intervals, next_rows};
+use crate::judge::{Judgement, intervals, next_rows, own_angle};
 use crate::linearise::experiment::{Candidate, Experiment};
 use crate::linearise::torque::is_ripple;
+use crate::measured::Measured;
 use crate::outcome::{Alternative, Dependence, Regressor, RepeatedIn, Shape, Structure, Verdict};
 use crate::select::factored::judged;
-use crate::select::problem::RegressionProblem as _;
+use crate::select::problem::{Neighbours as _, RegressionProblem as _};
 use crate::select::significance::{RIVAL_LEVEL, STRUCTURE_LEVEL};
 use crate::select::simplify::{MAX_COMPARED, single_rivals};
 
@@ -48,7 +49,10 @@ struct Rival {
 pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_filtered: bool) -> Judgement {
     let (problem, best) = (&selected.problem, &selected.best);
     let (mut effects, mut unobservable) = intervals::effects(selected);
-    let rivals = rivals_of_effects(selected, &effects);
+    let mut rivals = rivals_of_effects(selected, &effects);
+    let balanced = balancers(selected, &effects);
+    let no_row_distinguishes = !balanced.is_empty() && rivals.is_empty();
+    rivals.extend(balanced);
     unobservable.extend(impossible(selected));
     effects.retain(|found| !rivals.iter().any(|rival| is_of(found, selected.candidate(rival.order))));
     let doubtful = doubtful(selected, effects.is_empty(), &rivals);
@@ -60,13 +64,22 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
     let n_fitted = problem.indices(&best.fit.active).len();
     let rest = Rest::of(&problem.experiment, &after, n_fitted, scatter.as_ref());
     let memory = if is_filtered { Vec::new() } else { remaining::memory(problem, best) };
-    let has_shape = rest.is_beyond_neighbours && !memory.is_empty();
-    if remaining.is_empty() && (effects.is_empty() || has_shape) {
-        remaining = memory;
+    // Postures follow each other in any order: what lasts from one to the next is of time.
+    let is_in_order = rest.is_beyond_neighbours || problem.experiment.kind.is_of_tool();
+    let has_shape = is_in_order && !memory.is_empty();
+    if effects.is_empty() || has_shape {
+        let is_open = |one: &Dependence| !remaining.iter().any(|term| term.axis == one.axis);
+        let open: Vec<Dependence> = memory.into_iter().filter(is_open).collect();
+        remaining.extend(open);
     }
+    remaining.splice(0..0, scatter.iter().flat_map(|scatter| leave_beaten(selected, &mut effects, (&after, scatter))));
     let event = event(&problem.experiment, &effects);
     let is_event = event.is_some();
     remaining.splice(0..0, event);
+    if remaining.is_empty() && rest.is_beyond_repeats {
+        remaining
+            .extend(scatter.as_ref().map(|scatter| by_condition(&scatter.left(&problem.experiment, &after, n_fitted))));
+    }
     let is_any = !effects.is_empty() || !doubtful.is_empty();
     let is_wrong_in_part = is_wrong_in_part(selected);
     let evidence = Evidence {
@@ -81,7 +94,7 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
         is_left: is_wrong_in_part
             || is_event
             || left > UNEXPLAINED_SHARE
-            || over_noise > MAX_LEFT
+            || over_noise > MAX_OVER_NOISE
             || rest.is_beyond_repeats
             || rest.is_far_from_neighbours
             || has_shape,
@@ -100,9 +113,11 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
         effects.clear();
     }
     let unconfirmed = unconfirmed(selected, &effects);
-    let asks_for_repeats =
-        matches!(verdict, Verdict::PartlyExplained | Verdict::TooLittleData) && !evidence.is_noise_known();
+    let asks_for_repeats = matches!(verdict, Verdict::PartlyExplained | Verdict::TooLittleData)
+        && !evidence.is_noise_known()
+        && !evidence.is_left;
     let next_measurement = match () {
+        () if no_row_distinguishes => None,
         () if !doubtful.is_empty() => Some(next_rows::proposal(problem, best, &doubtful)),
         () => asks_for_repeats.then(|| next_rows::to_repeat(problem)),
     };
@@ -115,6 +130,7 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
         unconfirmed,
         repeatability: scatter.map(|scatter| scatter.figure),
         is_noise_known: evidence.is_noise_known(),
+        is_more_left: evidence.is_left,
         structure: None,
         remaining: structure(remaining),
         next_measurement,
@@ -174,6 +190,24 @@ fn chance_of_gain(selected: &SelectedSignals) -> f64 {
 fn is_halved(experiment: &Experiment, after: &[f64]) -> bool {
     let size = |residuals: &[f64]| agreement::training::size(experiment, &experiment.of_rows(residuals, false)).powi(2);
     size(after) < MAX_PARTLY_LEFT * size(&experiment.residuals)
+}
+
+/// What rows under the same conditions share and no channel that was tried explains: each condition is off by its own.
+fn by_condition(left: &[AxisLeft]) -> Dependence {
+    let ratio = left.iter().map(|axis| axis.ratio).sum::<f64>() / left.len().max(1) as f64;
+    let share = 1.0 - ratio.max(1.0).recip();
+    Dependence {
+        axis: None,
+        regressor: Regressor::Condition,
+        variable: Regressor::Condition.to_string(),
+        shape: Shape::Straight,
+        frame: None,
+        share,
+        p: None,
+        held_out_gain: None,
+        curve: Vec::new(),
+        terms: Vec::new(),
+    }
 }
 
 /// The moment at which several joints change at once: that is one cause, such as what the tool carries, and no law of each of them.
@@ -255,6 +289,49 @@ impl Rest {
             }
         }
     }
+}
+
+/// Springs of joints in the place of bodies that are named.
+fn balancers(selected: &SelectedSignals, effects: &[Effect]) -> Vec<Rival> {
+    let orders = selected.n_known..selected.best.fit.active.len();
+    let is_named = |order: &usize| effects.iter().any(|found| is_of(found, selected.candidate(*order)));
+    let rival = |order: usize| {
+        let candidate = own_angle::balancer(selected, order)?;
+        Some(Rival { order, candidate, cross_validated: selected.best.error, worse_with: 0.0 })
+    };
+    orders.filter(is_named).filter_map(rival).collect()
+}
+
+/// Leaves effects of one axis that leave more than noise there, where something that is no law, in their place, leaves no more and
+/// lowers the error on the held-out rows; gives what that is.
+fn leave_beaten(selected: &SelectedSignals, effects: &mut Vec<Effect>, of: (&[f64], &Scatter)) -> Vec<Dependence> {
+    let SelectedSignals { problem, best, n_known, .. } = selected;
+    let (experiment, (after, scatter)) = (&problem.experiment, of);
+    let held_out = experiment.of_rows(after, true);
+    let is_more = |residuals: &[f64], axis: usize| {
+        let left = scatter.left(experiment, residuals, problem.indices(&best.fit.active).len());
+        exceeds_noise(&left.into_iter().filter(|left| left.axis == axis).collect::<Vec<_>>())
+    };
+    let beaten_by = |found: &Effect| {
+        let axis = match found.site.place {
+            Place::Joint(joint) if experiment.kind == Measured::JointTorque => joint,
+            _ if experiment.axes.len() == 1 => 0,
+            _ => return None,
+        };
+        if held_out.is_empty() || !is_more(after, axis) {
+            return None;
+        }
+        let mut orders = (*n_known..best.fit.active.len()).filter(|&order| is_of(found, selected.candidate(order)));
+        let (Some(order), None) = (orders.next(), orders.next()) else { return None };
+        let Ok(without) = problem.neighbours(best).with_one_less(order);
+        let (term, left) = remaining::instead(problem, &without, axis)?;
+        let of_both = HeldOut { before: held_out.clone(), after: experiment.of_rows(&left, true) };
+        (!is_more(&left, axis) && of_both.falls(&best.weighting.sigma, 0)).then_some(term)
+    };
+    let beaten: Vec<Option<Dependence>> = effects.iter().map(beaten_by).collect();
+    let mut are_beaten = beaten.iter().map(Option::is_some);
+    effects.retain(|_| !are_beaten.next().unwrap_or(false));
+    beaten.into_iter().flatten().collect()
 }
 
 /// Whether a candidate is this effect, in whatever shape.

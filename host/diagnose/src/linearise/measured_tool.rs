@@ -83,7 +83,8 @@ pub(crate) fn experiment(data: &Prepared, robot: &Robot, how: &MeasuredTool) -> 
         axes.extend(["about x", "about y", "about z"].map(|name| Axis::new(name, "rad")));
     }
     let positions = rows.positions();
-    let channels = rows.chain.channels();
+    let mut channels = rows.chain.channels();
+    channels.push(("time".into(), data.time_s.clone()));
     let curvature = Curvature::Relinearise(Box::new(move |values| rows.at(values)));
     Ok(Experiment {
         kind: if how.oriented { Measured::ToolPose } else { Measured::ToolPosition },

@@ -172,6 +172,12 @@ fn of_motion(
     candidates.push(common_delay(&clock, &nominal, n));
     candidates.iter_mut().for_each(bound);
     candidates.extend(misplaced.candidates(robot, &sites));
+    let mut channels = channels(motion);
+    channels.extend((0..n).map(|joint| {
+        let predicted = nominal.iter().skip(joint).step_by(n).copied().collect();
+        (format!("predicted torque of joint {}", joint + 1), predicted)
+    }));
+    channels.push(("time".into(), rows.iter().map(|row| row.time_s).collect()));
     Ok(Experiment {
         kind: Measured::JointTorque,
         axes: (1..=n).map(|k| Axis::new(format!("joint {k}"), "N·m")).collect(),
@@ -180,7 +186,7 @@ fn of_motion(
         residuals,
         measured: Some(measured),
         candidates,
-        channels: channels(motion),
+        channels,
         bodies,
         findings: Vec::new(),
         curvature: match motion.is_sample {

@@ -106,6 +106,8 @@ pub enum Regressor {
     Signals(Vec<String>),
     /// The residual of the row before.
     RowBefore,
+    /// Each condition of signals, such as a posture, by itself.
+    Condition,
 }
 
 impl Regressor {
@@ -129,6 +131,7 @@ impl Regressor {
             Self::WordBeforeLast(of) => format!("word before the last, at {}", actuator(*of)),
             Self::Signals(names) => names.join(" with "),
             Self::RowBefore => "its own value a row before".into(),
+            Self::Condition => "each condition by itself".into(),
         }
     }
 

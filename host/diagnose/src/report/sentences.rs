@@ -79,6 +79,14 @@ pub(crate) fn of_signals(diagnosis: &Diagnosis) -> Vec<String> {
     }
     sentences.extend(diagnosis.next_measurement.as_ref().map(next_sentence));
     for dependence in &diagnosis.remaining.depends_on {
+        if dependence.regressor == Regressor::Condition {
+            let share = 100.0 * dependence.share;
+            sentences.push(format!(
+                "Rows under the same conditions differ by far less than the residual, and no channel that was tried explains the rest, \
+                 {share:.0} % of its mean square: an error of each condition by itself, or of something that was not recorded."
+            ));
+            continue;
+        }
         if dependence.axis.is_none() {
             sentences.push(format!(
                 "Residual changes with {dependence}: one cause, such as what the tool carries. Add a column `payload`, 0 before and 1 \
@@ -90,7 +98,8 @@ pub(crate) fn of_signals(diagnosis: &Diagnosis) -> Vec<String> {
         let share = 100.0 * dependence.share;
         sentences.push(format!("Residual of {axis} correlates with {dependence} ({share:.0} % of its mean square)."));
     }
-    if diagnosis.remaining.depends_on.iter().any(|dependence| dependence.regressor == Regressor::RowBefore) {
+    let lasts = diagnosis.remaining.depends_on.iter().any(|dependence| dependence.regressor == Regressor::RowBefore);
+    if lasts && !diagnosis.kind.is_of_tool() {
         sentences.push(
             "A log that was filtered as it was recorded looks the same: record it unfiltered to exclude that.".into(),
         );
@@ -113,7 +122,7 @@ fn verdict(diagnosis: &Diagnosis) -> String {
             let [before, after] =
                 [&diagnosis.error.before, &diagnosis.error.after].map(|errors| errors.held_out_or_train().norm.value);
             let share = 100.0 * (1.0 - (after / before).powi(2)).max(0.0);
-            let rest = match diagnosis.is_noise_known {
+            let rest = match diagnosis.is_more_left {
                 true => "and more than noise is left".into(),
                 false => format!("and whether more is missing is not known: {}", unknown_noise(diagnosis)),
             };

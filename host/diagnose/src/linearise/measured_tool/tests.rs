@@ -11,7 +11,7 @@ use crate::diagnosis::{SignalOptions, diagnose_table};
 use crate::linearise::faulty_robot_cases::{Fault, Faulty, JOINTS, cases, named, normal, panda};
 use crate::linearise::model::{Model, What};
 use crate::misreading::Misreading;
-use crate::outcome::Verdict;
+use crate::outcome::{Regressor, Verdict};
 use darm_measure::table::{Names, Table};
 
 const POSTURES: usize = 150;
@@ -189,4 +189,28 @@ fn an_error_of_each_posture_is_no_noise() {
     for times in [2.0, 5.0] {
         assert_eq!(measured_in_places(0, times * NOISE_M), Verdict::UnexplainedStructure, "{times} times the noise");
     }
+}
+
+#[test]
+fn an_error_of_each_posture_is_no_noise_and_is_named_as_such() {
+    let (robot, mut random) = (panda(), ChaCha8Rng::seed_from_u64(SEED));
+    let faulty = Faulty::new(&robot, Fault::None);
+    let mut text = String::from("q1,q2,q3,q4,q5,q6,q7,x,y,z\n");
+    for k in 0..POSTURES {
+        let (q, own) = (posture(&robot, &mut random), normal(&mut random) * (4.0 * NOISE_M));
+        for _ in 0..if k % 5 == 0 { 3 } else { 1 } {
+            let seen = faulty.touch(&q).0 + own + normal(&mut random) * NOISE_M;
+            let numbers: Vec<String> = q[..JOINTS].iter().chain(seen.iter()).map(f64::to_string).collect();
+            text += &format!("{}\n", numbers.join(","));
+        }
+    }
+    let table = Table::read_text(Path::new("a.csv"), text.as_bytes(), &Names::new()).unwrap().0;
+    let how = MeasuredTool { tool: Some(TOOL.into()), oriented: false, in_base_frame: true };
+    let model = Model::from(What::Tool(robot, how));
+    let found =
+        diagnose_table(&model, &table, &SignalOptions { seed: 1, ..SignalOptions::default() }).unwrap().diagnosis;
+    assert_eq!(found.verdict, Verdict::UnexplainedStructure, "{:?}", found.plain);
+    let [one] = &found.remaining.depends_on[..] else { panic!("{:?}", found.plain) };
+    assert!(one.regressor == Regressor::Condition && one.share > 0.85, "{one:?}");
+    assert!(found.next_step().contains("follows nothing that was recorded"), "{}", found.next_step());
 }

@@ -323,3 +323,30 @@ fn joints_that_only_the_log_has_are_reported() {
     assert!(findings(&tx40())[0].text.starts_with("the log has joints 5 to 6, the model has 4 joints"));
     assert_eq!(findings(&locked(&[])), []);
 }
+
+/// The torques of the robot, changed by what is added to that of its second joint, N·m.
+fn changed_at_the_second_joint(change: impl Fn(f64, f64, f64) -> f64) -> Diagnosis {
+    diagnosed(|time_s| {
+        let state = state(time_s);
+        let mut torques = torque(&tx40(), &state);
+        torques[1] += change(time_s, state[0][1], torques[1]);
+        (torques, 0)
+    })
+}
+
+#[test]
+fn a_spring_that_balances_a_link_is_not_told_from_the_weight_of_the_link() {
+    let found = changed_at_the_second_joint(|_, q, _| 12.0 * (q + 0.4).sin());
+    assert_eq!(found.verdict, Verdict::NotIdentifiable, "{:?}", found.plain);
+    let laws: Vec<Law> = found.alternatives.iter().map(|other| other.law).collect();
+    assert!(laws.contains(&Law::MassDistribution) && laws.contains(&Law::Spring), "{laws:?}");
+    assert!(found.next_measurement.is_none(), "no motion distinguishes them");
+}
+
+#[test]
+fn a_gain_that_drifts_is_no_drift_of_an_offset_alone() {
+    let found = changed_at_the_second_joint(|time_s, _, torque| -0.02 * time_s * torque);
+    assert!(found.verdict != Verdict::EffectFound && found.is_more_left, "{:?}", found.plain);
+    let with_time = |one: &crate::outcome::Dependence| one.variable == "time with predicted torque of joint 2";
+    assert!(found.remaining.depends_on.iter().any(with_time), "{:?}", found.plain);
+}
