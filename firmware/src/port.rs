@@ -13,6 +13,8 @@
 use darm_core::units::Micros;
 use darm_core::wire::frame::MAX_FRAME;
 
+use crate::scan::MAX_SPACES;
+
 /// Silence after which an open frame is given up.
 pub const SILENCE: Micros = Micros::from_millis(100);
 /// Longest line of text.
@@ -64,6 +66,8 @@ impl Port {
                 self.len = self.len.saturating_sub(1);
                 None
             }
+            // As the scanner, so that both have the same line after corrections.
+            (b' ', false) if self.bytes.get(..self.len).is_some_and(|line| line.ends_with(&[b' '; MAX_SPACES])) => None,
             (b' '..=b'~', false) => self.keep(byte, MAX_LINE),
             (_, false) => {
                 self.spoilt = true;

@@ -485,12 +485,12 @@ fn goal_registers(steps: i16, limit: &ServoWiring) -> [u8; GOAL_LEN as usize] {
     registers(place::register(steps), limit.max_speed_rad_s, limit.max_torque)
 }
 
-/// Whether registers that were read hold the goal of others, no faster and no stronger.
+/// Whether registers that were read hold the goal of others as strongly, and no faster. A hold with less torque lets the arm sag.
 fn keeps(found: &[u8; GOAL_LEN as usize], wanted: &[u8; GOAL_LEN as usize]) -> bool {
     let parts =
         |&[_, _, p0, p1, _, _, s0, s1, t0, t1]: &[u8; 10]| [[p0, p1], [s0, s1], [t0, t1]].map(u16::from_le_bytes);
     let ([position, speed, torque], [goal, max_speed, max_torque]) = (parts(found), parts(wanted));
-    position == goal && (1..=max_speed).contains(&speed) && torque <= max_torque
+    position == goal && (1..=max_speed).contains(&speed) && torque == max_torque
 }
 
 /// The registers of a target, no farther, faster or stronger than the limit.

@@ -44,12 +44,15 @@ pub(crate) struct Outside {
     pub(super) wrong: bool,
 }
 
+/// Whether something that the residual may depend on is what was planted.
+type Right = Box<dyn Fn(&Regressor) -> bool>;
+
 /// What was planted, sealed until the verdict is written.
 struct Secret {
     /// The generator.
     world: &'static str,
     /// Whether something that the residual may depend on is the right one; `None` where nothing that was recorded tells.
-    is_right: Option<Box<dyn Fn(&Regressor) -> bool>>,
+    is_right: Option<Right>,
 }
 
 /// What came of one log.

@@ -15,8 +15,8 @@ use rand::RngExt;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
-use super::Secret;
 use super::numbers::{centred, hum, normal, on_and_off, quantile, ranks, walk};
+use super::{Right, Secret};
 
 /// A generator.
 pub(super) struct World {
@@ -51,8 +51,6 @@ pub(super) const WORLDS: [World; 19] = [
 pub(super) fn of_arm(arm: &Arm) -> Vec<&'static World> {
     WORLDS.iter().filter(|world| world.name != "a servo whose horn is bent" || arm.n_servos() > 0).collect()
 }
-
-type Right = Box<dyn Fn(&Regressor) -> bool>;
 
 /// What a generator adds: a share for each row, and what it follows.
 struct Shape {
@@ -189,7 +187,7 @@ fn crowd(rows: &Rows, _: &mut ChaCha8Rng) -> Shape {
 fn each(rows: &Rows, rng: &mut ChaCha8Rng, key: impl Fn(&Sample) -> String) -> Shape {
     let mut own = BTreeMap::new();
     let share = rows.samples.iter().map(|sample| *own.entry(key(sample)).or_insert_with(|| normal(rng))).collect();
-    Shape::new(share, |of| is_of_place(of))
+    Shape::new(share, is_of_place)
 }
 
 fn each_visit(rows: &Rows, rng: &mut ChaCha8Rng) -> Shape {

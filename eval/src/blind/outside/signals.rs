@@ -7,8 +7,8 @@ use darm_diagnose::outcome::Regressor;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::Secret;
 use super::numbers::{centred, hum, normal, on_and_off, pulses, quantile, ranks, walk};
+use super::{Right, Secret};
 
 /// What a generator sees of the axis that it changes.
 pub(super) struct Seen {
@@ -102,7 +102,7 @@ impl World {
             move |of: &Regressor| matches!(of, Regressor::Signals(own) if own.iter().any(|name| names.contains(name)));
         let tells = !(self.draw)(seen, &mut rng.clone()).1.is_empty();
         let column = centred(&column).iter().map(|share| times * noise * share).collect();
-        let is_right = tells.then(|| Box::new(is_right) as Box<dyn Fn(&Regressor) -> bool>);
+        let is_right = tells.then(|| Box::new(is_right) as Right);
         (column, Secret { world: self.name, is_right })
     }
 }

@@ -393,3 +393,30 @@ fn damaged_answers_of_one_visit_are_no_breach() {
     let found = breaches(doing(ServoAction::Hold), 1, 60, |visit| if visit == 40 { 2000 + 0x400 } else { 2000 });
     assert_eq!(found, [None; 60]);
 }
+
+/// A limit of 0 comes of a hold that was damaged on its way, or of a servo whose supply failed for a moment.
+#[test]
+fn a_hold_without_strength_is_written_again() {
+    let (fake, shared, clock) = (Fake::new(), Shared::new(), HandClock::default());
+    stand_at(&fake, 2048);
+    let mut bus = Bus::new(&fake, &fake, &clock);
+    let visits = async {
+        shared.set_joints([joint(0.2), None, None, None]);
+        for _ in 0..3 {
+            bus.visit_all(&shared).await;
+            clock.0.set(clock.0.get() + CYCLE.0);
+        }
+        shared.stop();
+        shared.set_joints([doing(ServoAction::Hold), None, None, None]);
+        for visit in 0..300 {
+            if visit == 8 {
+                fake.registers.borrow_mut()[48..50].copy_from_slice(&0u16.to_le_bytes());
+            }
+            bus.visit_all(&shared).await;
+            clock.0.set(clock.0.get() + CYCLE.0);
+        }
+    };
+    run(visits, || clock.0.set(clock.0.get() + 100));
+    let torque = u16::from_le_bytes([fake.registers.borrow()[48], fake.registers.borrow()[49]]);
+    assert_ne!(torque, 0);
+}

@@ -90,3 +90,34 @@ fn mappings_that_do_not_fit_are_reported() {
         assert!(error.starts_with(expected), "{error}");
     }
 }
+
+/// What a header or a message says costs memory and time before anything is read: limits hold there too.
+#[test]
+fn names_and_dimensions_without_end_are_refused() {
+    let element = |kind: u32, content: &[u8]| {
+        let padding = vec![0; content.len().next_multiple_of(8) - content.len()];
+        [&kind.to_le_bytes()[..], &(content.len() as u32).to_le_bytes(), content, &padding].concat()
+    };
+    // A struct without elements whose fields have names of one byte each.
+    let names = |n: usize| {
+        let parts = [
+            element(6, &[2u32.to_le_bytes(), 0u32.to_le_bytes()].concat()),
+            element(5, &[0u32.to_le_bytes(), 1u32.to_le_bytes()].concat()),
+            element(1, b"q"),
+            element(5, &1u32.to_le_bytes()),
+            element(1, &vec![b'a'; n]),
+        ];
+        let mut header = [b' '; 128];
+        header[..6].copy_from_slice(b"MATLAB");
+        header[124..].copy_from_slice(&[0, 1, b'I', b'M']);
+        [&header[..], &element(14, &parts.concat())].concat()
+    };
+    let error = reported("a.mat", &names(1 << 20), &[]);
+    assert!(error.contains("arrays: save a part of it"), "{error}");
+    let array = |n: usize| {
+        let header = format!("{{'descr': '|u1', 'fortran_order': False, 'shape': ({}), }}\n", "1,".repeat(n));
+        [b"\x93NUMPY\x02\x00", &(header.len() as u32).to_le_bytes()[..], header.as_bytes(), &[0]].concat()
+    };
+    assert!(reported("a.npy", &array(33), &[]).contains("its header is none of NumPy"));
+    assert!(reported("a.npy", &array(1 << 16), &[]).contains("its header is longer than 65536 bytes"));
+}

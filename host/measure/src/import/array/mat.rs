@@ -208,6 +208,8 @@ impl Variables {
     fn fields(&mut self, mut inside: Reader, name: &str, n: usize, depth: usize) -> Option<()> {
         let length = *inside.integers()?.first()? as usize;
         let (_, names) = inside.element()?;
+        let n_names = names.len().div_ceil(length.max(1));
+        self.room.check_names(n_names).map_err(|full| self.full = Some(full)).ok()?;
         let text =
             |bytes: &[u8]| String::from_utf8_lossy(bytes.split(|byte| *byte == 0).next().unwrap_or(bytes)).into_owned();
         let names: Vec<String> = names.chunks(length.max(1)).map(text).collect();

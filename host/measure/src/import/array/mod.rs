@@ -52,10 +52,19 @@ impl Room {
     /// Takes an array with this number of elements, before it is read.
     pub(crate) fn take(&mut self, numbers: usize) -> Result<(), Fault> {
         let left = self.numbers.checked_sub(numbers).zip(self.arrays.checked_sub(1));
-        let Limits { cells, columns, .. } = self.limits;
-        let text = || format!("the file has more than {cells} numbers or {columns} arrays: save a part of it");
-        (self.numbers, self.arrays) = left.ok_or_else(|| Fault::of_file(text()))?;
+        (self.numbers, self.arrays) = left.ok_or_else(|| self.full())?;
         Ok(())
+    }
+
+    /// Whether there is room for this number of names, before they are read: a name takes 24 bytes and an allocation more than in
+    /// the file.
+    pub(crate) fn check_names(&self, names: usize) -> Result<(), Fault> {
+        if names <= self.limits.columns { Ok(()) } else { Err(self.full()) }
+    }
+
+    fn full(&self) -> Fault {
+        let Limits { cells, columns, .. } = self.limits;
+        Fault::of_file(format!("the file has more than {cells} numbers or {columns} arrays: save a part of it"))
     }
 }
 

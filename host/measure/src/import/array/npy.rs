@@ -12,6 +12,11 @@ use super::{Array, Room};
 use crate::import::error::Fault;
 use darm_robot::files::Limits;
 
+/// Longest header: NumPy itself evaluates no more than 10 000 characters unless it is told to. What is parsed takes tens of times
+/// its text.
+const MAX_HEADER: usize = 1 << 16;
+/// Most dimensions, those that NumPy 1 has (`NPY_MAXDIMS`).
+const MAX_DIMENSIONS: usize = 32;
 /// What an array begins with.
 pub(crate) const MAGIC: &[u8] = b"\x93NUMPY";
 
@@ -37,6 +42,9 @@ fn read_array(name: &str, bytes: &[u8], room: &mut Room) -> Result<Content, Faul
     let cut = || fault("the file ends within its header: it is damaged, copy or save it again".into());
     let rest = bytes.strip_prefix(MAGIC).ok_or_else(|| fault("the bytes do not begin as an array of NumPy".into()))?;
     let (header, data) = split_header(rest).ok_or_else(cut)?;
+    if header.len() > MAX_HEADER {
+        return Err(fault(format!("its header is longer than {MAX_HEADER} bytes: save it again with numpy.save")));
+    }
     let header = python_literal::parse(&String::from_utf8_lossy(header));
     let unknown = || fault("its header is none of NumPy: save it again with numpy.save".into());
     let header = header.ok_or_else(unknown)?;
@@ -46,6 +54,9 @@ fn read_array(name: &str, bytes: &[u8], room: &mut Room) -> Result<Content, Faul
         _ => None,
     };
     let shape: Vec<usize> = shape.iter().map(extent).collect::<Option<_>>().ok_or_else(unknown)?;
+    if shape.len() > MAX_DIMENSIONS {
+        return Err(unknown());
+    }
     let is_fortran = header.get("fortran_order") == Some(&Literal::Truth(true));
     let (fields, size) = match fields(name, header.get("descr").ok_or_else(unknown)?) {
         Ok(fields) => fields,

@@ -2,7 +2,7 @@
 //!
 //! The column `TOPIC/stamp` has the time stamps in s since the first of the log.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use crate::log::{cells, max_values};
 use crate::mcap::{Channel, Log};
@@ -28,6 +28,8 @@ struct Topic {
     stamps_ns: Vec<i64>,
     /// Columns in the order in which messages first have them.
     names: Vec<String>,
+    /// Their numbers.
+    by_name: HashMap<String, usize>,
     /// Cells of each row by the number of their column.
     rows: Vec<Vec<(usize, String, f64)>>,
     n_unread: usize,
@@ -109,7 +111,7 @@ fn add(log: &Log, topics: &mut BTreeMap<String, Topic>, limits: &Limits) -> Resu
             "cdr" if message::is_known(&channel.schema) => 1 + message.data.len() / 8,
             _ => 1,
         };
-        // A key and its value are counted twice; columns are looked up one by one.
+        // A key and its value are counted twice.
         let is_wide = channel.encoding == "json" && max_values(&message.data) > 4 * limits.columns;
         if n_values > limits.cells || is_wide || !limits.has_room_for(topic.rows.len(), topic.names.len()) {
             return Err(Fault::of_file(limits.too_many_cells()));
@@ -176,9 +178,9 @@ impl Topic {
         let mut row = Vec::with_capacity(cells.len());
         for (k, (name, text, number)) in cells.into_iter().enumerate() {
             // Messages of one topic mostly have the same fields in the same order.
-            let known =
-                if self.names.get(k) == Some(&name) { Some(k) } else { self.names.iter().position(|own| *own == name) };
+            let known = if self.names.get(k) == Some(&name) { Some(k) } else { self.by_name.get(&name).copied() };
             let column = known.unwrap_or_else(|| {
+                self.by_name.insert(name.clone(), self.names.len());
                 self.names.push(name);
                 self.names.len() - 1
             });
