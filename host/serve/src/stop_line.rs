@@ -12,9 +12,9 @@
 //! who could not show the token. The thread reads this connection, sends stops, and does nothing else: no flood of
 //! connections and no work of the server keeps it waiting.
 
-use std::net::TcpStream;
-use std::sync::Arc;
+use std::net::{Shutdown, TcpStream};
 use std::sync::mpsc::{Receiver, Sender};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use axum::Router;
@@ -54,6 +54,8 @@ pub(crate) struct Opened {
 struct Door {
     hub: Arc<Hub>,
     opened: Sender<Opened>,
+    /// The connection that the thread reads, or is about to: it reads on as long as bytes come, so a later one shuts it.
+    latest: Arc<Mutex<Option<TcpStream>>>,
 }
 
 #[derive(Deserialize)]
@@ -63,7 +65,7 @@ struct Shown {
 
 /// Lets the page with control open its connection, which goes to `opened`.
 pub(crate) fn router(hub: Arc<Hub>, opened: Sender<Opened>) -> Router {
-    Router::new().route(PATH, get(open)).with_state(Door { hub, opened })
+    Router::new().route(PATH, get(open)).with_state(Door { hub, opened, latest: Arc::default() })
 }
 
 async fn open(State(door): State<Door>, Query(shown): Query<Shown>, mut request: Request) -> Response {
@@ -80,6 +82,10 @@ async fn open(State(door): State<Door>, Query(shown): Query<Shown>, mut request:
         let Ok(upgraded) = upgrade.await else { return };
         let Ok(parts) = upgraded.downcast::<TokioIo<tokio::net::TcpStream>>() else { return };
         let Ok(stream) = parts.io.into_inner().into_std() else { return };
+        let Ok(latest) = stream.try_clone() else { return };
+        let former = door.latest.lock().unwrap_or_else(PoisonError::into_inner).replace(latest);
+        // Of one that has ended nothing is left to be shut.
+        former.map(|former| former.shutdown(Shutdown::Both));
         // The thread ends with the server.
         let _ = door.opened.send(Opened { stream, read: parts.read_buf.into() });
     });

@@ -69,7 +69,7 @@ impl Observer {
             health: None,
             outputs_due: Instant::now(),
             outputs_s: 0.0,
-            supply: Supply::default(),
+            supply: Supply::of_start(client.now_s() - 1e-6 * client.answered_at().0 as f64),
             word: Word::default(),
             previous: Word::default(),
             on_since_s: Vec::new(),

@@ -6,8 +6,11 @@ use darm_core::output::{Drive, SwitchLimit, Wiring};
 
 use crate::view::SupplyView;
 
+/// More coils than any supply feeds.
+const ALL: u32 = 1 << 16;
+
 /// The coils that the server has seen switched on lately. One that is switched on and off between two looks is not seen.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Supply {
     /// The coils that the word switches on: bits of the wiring.
     on: u64,
@@ -16,6 +19,11 @@ pub(super) struct Supply {
 }
 
 impl Supply {
+    /// Of a board that started at this time: it counts its supply as exhausted then, since it does not know what was on before.
+    pub(super) fn of_start(at_s: f64) -> Self {
+        Self { on: 0, recent: VecDeque::from([(at_s, ALL)]) }
+    }
+
     /// Notes which coils are on. A latch is fed when it changes, in either direction.
     pub(super) fn see(&mut self, now_s: f64, wiring: &Wiring, on: u64) {
         let latch = |(index, coil): (usize, &darm_core::output::Coil)| match coil.drive {
@@ -63,8 +71,9 @@ mod tests {
         for (output, drive) in (0..).zip(drives) {
             wiring.coils.push(Coil { output, drive, limit }).unwrap();
         }
-        let (mut supply, limit) = (Supply::default(), SwitchLimit { new_coils: 2, window_ms: 1000 });
+        let (mut supply, limit) = (Supply::of_start(-1.5), SwitchLimit { new_coils: 2, window_ms: 1000 });
         let room = |supply: &mut Supply, now_s| supply.view(now_s, &limit).room;
+        assert_eq!((room(&mut supply, -0.6), room(&mut supply, -0.4)), (0, 2), "exhausted at the start");
         supply.see(0.0, &wiring, 0b001);
         assert_eq!(room(&mut supply, 0.0), 1);
         supply.see(0.4, &wiring, 0b111);

@@ -1,5 +1,6 @@
 //! The connection for stops of the page with control.
 
+use std::io::Write as _;
 use std::net::{SocketAddr, TcpStream};
 use std::thread;
 use std::time::Duration;
@@ -118,4 +119,30 @@ fn a_person_stops_by_it_where_no_request_gets_through() {
     browser.press(" ");
     browser.wait("document.querySelector('#stopped').dataset.outcome === 'confirmed'");
     assert_eq!(bench.pins().0, 0);
+}
+
+/// The thread of the connection reads on as long as bytes come.
+#[test]
+fn a_former_page_that_keeps_sending_does_not_keep_the_next_one_waiting() {
+    const BYTES: usize = 1000;
+    let bench = Bench::start("planar4.toml");
+    bench.phase("idle");
+    let former = bench.page_in_control();
+    let mut first = StopLine::open(bench.address(), former.key(), &[]).ok().unwrap();
+    assert_eq!(first.stop().unwrap()["confirmed"], true);
+    former.control("release");
+    let next = bench.page_in_control();
+    let mut raw = first.0.get_ref().try_clone().unwrap();
+    let trickle = thread::spawn(move || {
+        // A text of so many bytes, masked with zeros.
+        raw.write_all(&[0x81, 0xfe, (BYTES >> 8) as u8, BYTES as u8, 0, 0, 0, 0]).unwrap();
+        let is_sent = |_: &usize| {
+            thread::sleep(Duration::from_millis(20));
+            raw.write_all(b"x").is_ok()
+        };
+        (0..BYTES).take_while(is_sent).count()
+    });
+    let mut second = StopLine::open(bench.address(), next.key(), &[]).ok().unwrap();
+    assert_eq!(second.stop().unwrap()["confirmed"], true);
+    assert!(trickle.join().unwrap() < BYTES, "the former connection was read to its end");
 }
