@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use darm_diagnose::diagnosis::{SignalOptions, diagnose_table};
-use darm_diagnose::linearise::model::{Model, What};
+use darm_diagnose::linearise::model::{Model, Predictor};
 use darm_diagnose::outcome::{Dependence, Diagnosis, Regressor, Verdict};
 use darm_diagnose::prepare::signals::Preparation;
 use darm_measure::table::Table;
@@ -38,10 +38,10 @@ pub(super) enum Which {
 
 impl Which {
     /// The model of a robot that is measured in this way.
-    pub(super) fn what(self, robot: Robot) -> What {
+    pub(super) fn what(self, robot: Robot) -> Predictor {
         match self {
-            Self::Serial => What::Torque(robot, None),
-            Self::Floating => What::Wrench(robot),
+            Self::Serial => Predictor::Torque(robot, None),
+            Self::Floating => Predictor::Wrench(robot),
         }
     }
 }
@@ -108,7 +108,7 @@ impl Robots {
     }
 
     /// What the model of a robot is, and a measurement of it without noise.
-    pub(super) fn drawn(&self, which: Which, class: Class, rng: &mut ChaCha8Rng) -> Result<(What, Bench)> {
+    pub(super) fn drawn(&self, which: Which, class: Class, rng: &mut ChaCha8Rng) -> Result<(Predictor, Bench)> {
         Ok(match which {
             Which::Serial => (which.what(self.serial.clone()), serial(&self.serial, class, rng)?),
             Which::Floating => (which.what(self.floating.clone()), floating(&self.floating, class, rng)?),
@@ -116,7 +116,7 @@ impl Robots {
     }
 }
 
-pub(super) fn diagnosed(which: Which, what: What, table: &Table, seed: u64) -> Result<Diagnosis> {
+pub(super) fn diagnosed(which: Which, what: Predictor, table: &Table, seed: u64) -> Result<Diagnosis> {
     let segment_by = if which == Which::Floating { vec!["posture".to_string()] } else { Vec::new() };
     let preparation = Preparation { segment_by, ..Preparation::default() };
     let options = SignalOptions { preparation, seed, ..SignalOptions::default() };

@@ -26,7 +26,7 @@ use crate::error::DiagnoseError;
 use crate::prepare::signals::Prepared;
 use darm_robot::robot::Robot;
 use experiment::{Columns, Experiment, Moving};
-use model::{Model, What};
+use model::{Model, Predictor};
 use torque::Near;
 
 /// The experiment of each kind of measurement: a new kind is a variant of [`What`] and its line here.
@@ -46,14 +46,14 @@ pub(crate) fn linearise(model: &Model, data: &Prepared) -> Result<Experiment, Di
 pub(crate) fn linearise_near(model: &Model, data: &Prepared, near: Option<Near>) -> Result<Experiment, DiagnoseError> {
     let known = &model.effects;
     let mut experiment = match &model.what {
-        What::Cylinder { bore_m } => force::experiment(data, *bore_m, known)?,
-        What::Servo => position::experiment(data, known)?,
-        What::Torque(robot, transmission) => torque::experiment(data, robot, transmission.as_ref(), known, near)?,
-        What::Wrench(robot) => wrench::experiment(data, robot)?,
-        What::PointContact(robot, points) => point_contact::experiment(data, robot, points)?,
-        What::Tool(robot, how) => measured_tool::experiment(data, robot, how)?,
-        What::Any(robot) if is_wrench(data) => wrench::experiment(data, robot)?,
-        What::Any(robot) => torque::experiment(data, robot, None, known, near)?,
+        Predictor::Cylinder { bore_m } => force::experiment(data, *bore_m, known)?,
+        Predictor::Servo => position::experiment(data, known)?,
+        Predictor::Torque(robot, transmission) => torque::experiment(data, robot, transmission.as_ref(), known, near)?,
+        Predictor::Wrench(robot) => wrench::experiment(data, robot)?,
+        Predictor::PointContact(robot, points) => point_contact::experiment(data, robot, points)?,
+        Predictor::Tool(robot, how) => measured_tool::experiment(data, robot, how)?,
+        Predictor::Any(robot) if is_wrench(data) => wrench::experiment(data, robot)?,
+        Predictor::Any(robot) => torque::experiment(data, robot, None, known, near)?,
     };
     model_effects::apply(&mut experiment, known)?;
     Ok(experiment)
@@ -72,16 +72,16 @@ pub(crate) fn columns(model: &Model, data: &Prepared) -> Columns {
         moving: robot.joints.iter().map(|joint| Moving::of(joint, vec![joint.name.clone()])).collect(),
     };
     match &model.what {
-        What::Cylinder { .. } => {
+        Predictor::Cylinder { .. } => {
             let moving = Moving { columns: named(&["position", "velocity"]), turns: false };
             Columns { measured: vec![named(&["force"])], moving: vec![moving] }
         }
-        What::Servo => Columns { measured: vec![named(&["position"])], moving: Vec::new() },
-        What::PointContact(..) => Columns { measured: Vec::new(), moving: Vec::new() },
-        What::Tool(robot, how) => measured_tool::columns(data, robot, how),
-        What::Wrench(robot) => of_wrench(robot),
-        What::Any(robot) if is_wrench(data) => of_wrench(robot),
-        What::Torque(robot, transmission) => torque::columns(data, robot, transmission.as_ref()),
-        What::Any(robot) => torque::columns(data, robot, None),
+        Predictor::Servo => Columns { measured: vec![named(&["position"])], moving: Vec::new() },
+        Predictor::PointContact(..) => Columns { measured: Vec::new(), moving: Vec::new() },
+        Predictor::Tool(robot, how) => measured_tool::columns(data, robot, how),
+        Predictor::Wrench(robot) => of_wrench(robot),
+        Predictor::Any(robot) if is_wrench(data) => of_wrench(robot),
+        Predictor::Torque(robot, transmission) => torque::columns(data, robot, transmission.as_ref()),
+        Predictor::Any(robot) => torque::columns(data, robot, None),
     }
 }

@@ -192,7 +192,7 @@ fn informative_words(arm: &Arm, options: &Options) -> Vec<Word> {
     if steps.len() <= options.words {
         return steps.into_iter().map(|step| step.word).collect();
     }
-    let observations = Observations::new(arm, &as_run_away(arm, &steps), NOISE, |_| true);
+    let observations = Observations::new(arm, &run_off_nominal(arm, &steps), NOISE, |_| true);
     let columns = candidate_columns(arm, &observations);
     let n_axes = observations.n_axes();
     let measurements: Vec<DMatrix<f64>> = (0..observations.rows.len())
@@ -256,7 +256,7 @@ pub fn as_run(arm: &Arm, steps: &[Step], supply: f64, temperature_k: f64) -> Run
 }
 
 /// The same away from nominal supply and temperature, so that effects of either show.
-fn as_run_away(arm: &Arm, steps: &[Step]) -> Run {
+fn run_off_nominal(arm: &Arm, steps: &[Step]) -> Run {
     as_run(arm, steps, AWAY.0 * arm.model.nominal_supply, arm.model.reference_temperature_k + AWAY.1)
 }
 

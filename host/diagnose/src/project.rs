@@ -11,7 +11,7 @@ use nalgebra::DVector;
 
 use crate::linearise::experiment::BodyCandidate;
 use crate::select::factored::judged;
-use crate::select::problem::{RegressionProblem as _, Trial, Under};
+use crate::select::problem::{RegressionProblem as _, Trial, Weighted};
 use crate::select::signals::{Fit, Signals};
 use crate::select::significance::{DISCOVERY_LEVEL, RIVAL_LEVEL};
 
@@ -61,7 +61,7 @@ fn can_be(problem: &Signals, fit: &Fit, of: usize) -> bool {
 /// The model with physically consistent bodies, and with the effects beside them that this asks for.
 fn with_consistent_bodies(problem: &Signals, best: Trial<Signals>) -> Trial<Signals> {
     let weighting = Arc::clone(&best.weighting);
-    let weighted = Under { problem, weighting: &weighting };
+    let weighted = Weighted { problem, weighting: &weighting };
     let Some(consistent) = consistent(weighted, &best.fit) else { return best };
     let free = in_sample(weighted, best.fit, best.effect);
     let mut best = in_sample(weighted, consistent, best.effect);
@@ -88,13 +88,13 @@ fn open(problem: &Signals, fit: &Fit) -> Vec<usize> {
 }
 
 /// A model judged by the rows that it was fitted to.
-fn in_sample(weighted: Under<Signals>, fit: Fit, effect: Option<usize>) -> Trial<Signals> {
+fn in_sample(weighted: Weighted<Signals>, fit: Fit, effect: Option<usize>) -> Trial<Signals> {
     let predicted = weighted.problem.training_residuals(&fit);
     weighted.predicting(fit, effect, predicted)
 }
 
 /// The values that fit best with physically consistent bodies; `None` where those of `fit` are consistent already.
-fn consistent(weighted: Under<Signals>, fit: &Fit) -> Option<Fit> {
+fn consistent(weighted: Weighted<Signals>, fit: &Fit) -> Option<Fit> {
     let problem = weighted.problem;
     let indices = problem.indices(&fit.active);
     let of = |body: &BodyCandidate| {

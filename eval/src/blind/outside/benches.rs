@@ -6,7 +6,7 @@ use anyhow::{Context as _, Result};
 use darm_core::real::Vec3;
 use darm_core::se::rotation_exp;
 use darm_diagnose::linearise::measured_tool::MeasuredTool;
-use darm_diagnose::linearise::model::What;
+use darm_diagnose::linearise::model::Predictor;
 use darm_measure::root_mean_square;
 use darm_robot::robot::Robot;
 use nalgebra::{Rotation3, UnitQuaternion};
@@ -49,7 +49,7 @@ pub(super) enum Repeats {
 /// A bench, its model, and what a generator sees of the axes that it may change; which measured channels these are, with the share
 /// of each.
 pub(super) struct Drawn {
-    pub(super) what: What,
+    pub(super) what: Predictor,
     pub(super) bench: Bench,
     pub(super) seen: Seen,
     pub(super) on: Vec<(usize, f64)>,
@@ -138,7 +138,7 @@ pub(super) fn tool(robot: &Robot, oriented: bool, repeats: Repeats, rng: &mut Ch
     // The noise of the norm is √3 times that of an axis.
     let on = (0..3).map(|axis| (axis, 3f64.sqrt() * way[axis])).collect();
     let how = MeasuredTool { tool: None, oriented, in_base_frame: true };
-    Ok(Drawn { what: What::Tool(robot.clone(), how), bench, seen, on })
+    Ok(Drawn { what: Predictor::Tool(robot.clone(), how), bench, seen, on })
 }
 
 /// A cylinder beside a load cell.
@@ -175,7 +175,7 @@ pub(super) fn cylinder(rng: &mut ChaCha8Rng) -> Drawn {
         vec![FORCE_N],
         vec![FORCE_N],
     );
-    Drawn { what: What::Cylinder { bore_m: BORE_M }, bench, seen, on: vec![(0, 1.0)] }
+    Drawn { what: Predictor::Cylinder { bore_m: BORE_M }, bench, seen, on: vec![(0, 1.0)] }
 }
 
 /// A joint that holds one target after the other.
@@ -194,7 +194,7 @@ pub(super) fn held(rng: &mut ChaCha8Rng) -> Drawn {
         vec![HELD_DEG],
         vec![HELD_DEG],
     );
-    Drawn { what: What::Servo, bench, seen, on: vec![(0, 1.0)] }
+    Drawn { what: Predictor::Servo, bench, seen, on: vec![(0, 1.0)] }
 }
 
 impl Drawn {

@@ -3,7 +3,7 @@
 use anyhow::{Context, Result};
 use darm_core::real::Vec3;
 use darm_diagnose::diagnosis::{SignalOptions, diagnose_file};
-use darm_diagnose::linearise::model::{Model, What};
+use darm_diagnose::linearise::model::{Model, Predictor};
 use darm_diagnose::prepare::signals::Preparation;
 use darm_measure::hold_out::HoldOut;
 use darm_measure::table::Names;
@@ -120,7 +120,7 @@ pub(super) fn person(figures: &mut Vec<Figure>) -> Result<()> {
     };
     let options =
         SignalOptions { preparation, always: vec!["mass-distribution".into()], seed: 1, ..SignalOptions::default() };
-    let model = Model::from(What::Wrench(robot));
+    let model = Model::from(Predictor::Wrench(robot));
     let diagnosis =
         diagnose_file(&model, &folder.join("human_wholebody_30hz.csv.gz"), &Names::new(), &options)?.diagnosis;
     let norm = |errors: &darm_diagnose::outcome::Errors| {

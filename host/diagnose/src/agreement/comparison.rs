@@ -43,25 +43,27 @@ pub(super) struct Comparison<'a> {
 }
 
 /// A hypothesis with what it leaves.
-pub(super) struct Tried {
-    pub(super) left: Left,
+pub(super) struct HypothesisTrial {
+    pub(super) left: ResidualError,
     pub(super) hypothesis: Hypothesis,
 }
 
 /// A hypothesis that explains far more than the table as it is read, both with these laws.
-pub(super) struct Better {
-    pub(super) tried: Tried,
+pub(super) struct Improvement {
+    pub(super) tried: HypothesisTrial,
     pub(super) laws: Laws,
 }
 
 impl Comparison<'_> {
     /// The best of these hypotheses, where it explains far more than the table as it is read and most of what was measured.
-    pub(super) fn better(&self, hypotheses: Vec<Hypothesis>, columns: &Columns) -> Option<Better> {
+    pub(super) fn better(&self, hypotheses: Vec<Hypothesis>, columns: &Columns) -> Option<Improvement> {
         let n_tried = hypotheses.len() as f64;
-        let is_chance = |as_read: &Left, left: &Left| as_read.chance_of_fall_to(left) * n_tried >= DISCOVERY_LEVEL;
+        let is_chance = |as_read: &ResidualError, left: &ResidualError| {
+            as_read.chance_of_fall_to(left) * n_tried >= DISCOVERY_LEVEL
+        };
         let mut tried = self.tried(hypotheses, |_| (Laws::None, f64::INFINITY));
-        let mut as_read = AsItIs { comparison: self, left: BTreeMap::new() };
-        let without_laws = tried.iter().position(|Tried { left, hypothesis }| {
+        let mut as_read = BaselineCache { comparison: self, left: BTreeMap::new() };
+        let without_laws = tried.iter().position(|HypothesisTrial { left, hypothesis }| {
             as_read.left(hypothesis.columns.rows_later(), Laws::None).is_some_and(|as_read| {
                 let is_near = left.share < AGREES || left.share < FOLLOWS && OTHER_UNIT * left.norm < as_read.norm;
                 is_near && left.norm < MUCH_LESS_AS_IT_IS * as_read.norm && !is_chance(as_read, left)
@@ -71,7 +73,8 @@ impl Comparison<'_> {
             return self.refined(tried.swap_remove(best), columns, Laws::None);
         }
         // Friction that the model does not have hides what a short delay changes.
-        let is_compared = |(rank, tried): &(usize, Tried)| *rank < COMPARED || tried.hypothesis.is_short_delay();
+        let is_compared =
+            |(rank, tried): &(usize, HypothesisTrial)| *rank < COMPARED || tried.hypothesis.is_short_delay();
         let compared = tried.into_iter().enumerate().filter(is_compared);
         let hypotheses: Vec<Hypothesis> = compared.map(|(_, tried)| tried.hypothesis).collect();
         // The few rows that a delay takes off either end change this by far less than [`MUCH_LESS`].
@@ -84,7 +87,7 @@ impl Comparison<'_> {
             let laws = Laws::compared_with(misreading);
             (laws, limits[&laws])
         };
-        let far_better = |Tried { left, hypothesis }: &Tried| {
+        let far_better = |HypothesisTrial { left, hypothesis }: &HypothesisTrial| {
             left.share < AGREES
                 && as_read
                     .left(hypothesis.columns.rows_later(), Laws::compared_with(&hypothesis.misreading))
@@ -96,7 +99,7 @@ impl Comparison<'_> {
     }
 
     /// A delay with those around it tried too; any other reading as it is.
-    fn refined(&self, best: Tried, columns: &Columns, laws: Laws) -> Option<Better> {
+    fn refined(&self, best: HypothesisTrial, columns: &Columns, laws: Laws) -> Option<Improvement> {
         let tried = match best.hypothesis.misreading {
             Misreading::Delay { delay_s } => {
                 let around = around(self.data, &columns.measured.concat(), delay_s);
@@ -104,17 +107,21 @@ impl Comparison<'_> {
             }
             _ => best,
         };
-        Some(Better { tried, laws })
+        Some(Improvement { tried, laws })
     }
 
     /// Hypotheses with what they leave, the best one first, each with the laws and the limit of [`Self::left`].
-    fn tried(&self, hypotheses: Vec<Hypothesis>, with: impl Fn(&Misreading) -> (Laws, f64) + Sync) -> Vec<Tried> {
+    fn tried(
+        &self,
+        hypotheses: Vec<Hypothesis>,
+        with: impl Fn(&Misreading) -> (Laws, f64) + Sync,
+    ) -> Vec<HypothesisTrial> {
         let tried = hypotheses.into_par_iter().filter_map(|hypothesis| {
             let Hypothesis { misreading, columns, model } = &hypothesis;
             let left = self.left(columns, columns.rows_later(), model.as_ref(), with(misreading))?;
-            Some(Tried { left, hypothesis })
+            Some(HypothesisTrial { left, hypothesis })
         });
-        let mut tried: Vec<Tried> = tried.collect();
+        let mut tried: Vec<HypothesisTrial> = tried.collect();
         tried.sort_by(|a, b| a.left.log.total_cmp(&b.left.log));
         tried
     }
@@ -128,7 +135,7 @@ impl Comparison<'_> {
         rows_later: isize,
         model: Option<&Model>,
         (laws, limit): (Laws, f64),
-    ) -> Option<Left> {
+    ) -> Option<ResidualError> {
         let data = self.data.read_as(reading.clone(), rows_later, ROWS);
         let experiment = linearise(model.unwrap_or(self.model), &data).ok()?;
         let measured = variation(&experiment, &Training::of(&experiment)?.measured);
@@ -139,7 +146,7 @@ impl Comparison<'_> {
             return None;
         }
         let of = |residuals: &[f64]| {
-            Left::of(&AxisLeft::of_norm(n_norm, n_axes, residuals, &measured), residuals, n_axes, &blocks)
+            ResidualError::of(&AxisLeft::of_norm(n_norm, n_axes, residuals, &measured), residuals, n_axes, &blocks)
         };
         let is_lost = |residuals: &[f64]| of(residuals).is_none_or(|left| left.log > limit);
         let residuals = match laws {
@@ -152,14 +159,14 @@ impl Comparison<'_> {
 }
 
 /// What a table leaves as it is read: many hypotheses are judged by the same rows and laws.
-struct AsItIs<'a> {
+struct BaselineCache<'a> {
     comparison: &'a Comparison<'a>,
-    left: BTreeMap<(isize, Laws), Option<Left>>,
+    left: BTreeMap<(isize, Laws), Option<ResidualError>>,
 }
 
-impl AsItIs<'_> {
+impl BaselineCache<'_> {
     /// In rows from which the one `rows_later` is in the same stretch.
-    fn left(&mut self, rows_later: isize, laws: Laws) -> Option<&Left> {
+    fn left(&mut self, rows_later: isize, laws: Laws) -> Option<&ResidualError> {
         let compute = || self.comparison.left(&ColumnReading::default(), rows_later, None, (laws, f64::INFINITY));
         self.left.entry((rows_later, laws)).or_insert_with(compute).as_ref()
     }
@@ -236,7 +243,7 @@ fn predicted_in_turn(
 }
 
 /// What is left by a reading.
-pub(super) struct Left {
+pub(super) struct ResidualError {
     /// Sum over the axes of the norm of the logarithm of the error as a share of what was measured.
     pub(super) log: f64,
     /// Root mean square of these axes together.
@@ -247,7 +254,7 @@ pub(super) struct Left {
     pieces: Vec<f64>,
 }
 
-impl Left {
+impl ResidualError {
     /// By the errors of the axes; `None` where nothing was measured.
     fn of(axes: &[AxisLeft], residuals: &[f64], n_axes: usize, blocks: &[usize]) -> Option<Self> {
         let log: f64 = axes.iter().map(AxisLeft::log).sum();

@@ -3,7 +3,7 @@
 use std::f64::consts::FRAC_PI_2;
 
 use super::column_readings::{hypotheses, quaternions, units};
-use super::comparison::{AxisLeft, Better, Comparison, Laws};
+use super::comparison::{AxisLeft, Comparison, Improvement, Laws};
 use super::training::{Training, size, variation};
 use super::{Agreement, FEW};
 use crate::effect::Law;
@@ -46,8 +46,9 @@ pub(crate) fn agreement(model: &Model, data: &Prepared, experiment: &Experiment)
     let (comparison, tests_the_model) = (Comparison { model, data }, training.tests_the_model(experiment));
     let tried = if tests_the_model { hypotheses(model, data, &columns) } else { units(&columns) };
     let better = comparison.better(tried, &columns);
-    let reading =
-        |better: &Better| other_reading(better.tried.hypothesis.misreading.clone(), better.tried.left.norm, experiment);
+    let reading = |better: &Improvement| {
+        other_reading(better.tried.hypothesis.misreading.clone(), better.tried.left.norm, experiment)
+    };
     if let Some(better) = better.as_ref().filter(|better| better.laws != Laws::All) {
         return Agreement::Otherwise(reading(better)).into();
     }
@@ -84,7 +85,7 @@ impl From<Agreement> for FirstLook {
 #[derive(Clone, Debug)]
 pub(crate) struct Contest {
     reading: OtherReading,
-    /// What it leaves, as [`Left::log`].
+    /// What it leaves, as [`ResidualError::log`].
     log: f64,
 }
 

@@ -16,7 +16,7 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
-use super::rows::{Rows, Slopes, Thought};
+use super::rows::{PlannedRows, Rows, Slopes};
 use super::{Found, Task};
 use crate::linearise::arm_candidates;
 use crate::measurement_plan::optimal_design::informative_first;
@@ -115,7 +115,7 @@ impl Design {
         if let Some(found) = found {
             let steps: Vec<Step> = open.iter().map(|&step| self.steps[step].clone()).collect();
             let (conditions, sigma) = (run.settled_or_nominal(task.arm), found.sigma());
-            let rows = Rows::new(task.arm, run, &Thought { frames: &[], next: &steps, conditions, sigma });
+            let rows = Rows::new(task.arm, run, &PlannedRows { frames: &[], next: &steps, conditions, sigma });
             let slopes = rows.slopes(&rows.sensitivity(found.model())?, &found.values());
             let information = slopes.information();
             let floor = DMatrix::from_diagonal(&information.diagonal().map(|d| FLOOR * d.max(f64::MIN_POSITIVE)));
@@ -126,7 +126,7 @@ impl Design {
         open.truncate(COMPETING_FOR_ANY);
         let steps: Vec<Step> = open.iter().map(|&step| self.steps[step].clone()).collect();
         let (conditions, sigma) = (away(task.arm), task.sigma(run));
-        let rows = Rows::new(task.arm, run, &Thought { frames: &[], next: &steps, conditions, sigma });
+        let rows = Rows::new(task.arm, run, &PlannedRows { frames: &[], next: &steps, conditions, sigma });
         let values: Vec<_> = any(&task.arm.model).flat_map(values_of).collect();
         let slopes = rows.slopes(&rows.sensitivity(&task.arm.model)?, &values).scaled(LIKELY);
         let information = slopes.information() + DMatrix::identity(slopes.n_values(), slopes.n_values());

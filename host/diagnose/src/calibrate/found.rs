@@ -6,7 +6,7 @@ use nalgebra::DMatrix;
 
 use super::Task;
 use super::design::{any, values_of};
-use super::rows::{Rows, Thought};
+use super::rows::{PlannedRows, Rows};
 use crate::correction::{ArmCorrection, Outcome};
 use crate::judge::next_words::together;
 use crate::measurement_plan::{LIKELY, Step};
@@ -75,7 +75,7 @@ pub(super) fn of_named(task: &Task, run: &Run, effects: &[Effect<f64>]) -> Resul
     let of_values = covariance(&found.fit, &training);
     let sigma = found.sigma;
     let conditions = run.settled_or_nominal(task.arm);
-    let rows = Rows::new(task.arm, run, &Thought { frames: task.frames, next: &[], conditions, sigma });
+    let rows = Rows::new(task.arm, run, &PlannedRows { frames: task.frames, next: &[], conditions, sigma });
     let slopes = rows.slopes(&rows.sensitivity(found.model())?, &found.values());
     let width = quantile_975(training.n_groups.saturating_sub(found.fit.values.len()));
     Ok(width * slopes.at_frames_m(&of_values))
@@ -86,7 +86,7 @@ pub(super) fn of_named(task: &Task, run: &Run, effects: &[Effect<f64>]) -> Resul
 pub(super) fn of_any(task: &Task, run: &Run, next: &[Step]) -> Result<f64, NoPose> {
     let sigma = task.sigma(run);
     let conditions = run.settled_or_nominal(task.arm);
-    let rows = Rows::new(task.arm, run, &Thought { frames: task.frames, next, conditions, sigma });
+    let rows = Rows::new(task.arm, run, &PlannedRows { frames: task.frames, next, conditions, sigma });
     let mut largest_m = 0.0f64;
     let sensitivity = rows.sensitivity(&task.arm.model)?;
     for effect in any(&task.arm.model) {

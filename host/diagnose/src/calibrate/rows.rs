@@ -14,7 +14,7 @@ use darm_measure::{Run, root_mean_square};
 /// Time between what was measured and what might be, s.
 const GAP_S: f64 = 1.0;
 
-/// Supply, and temperature in K, that an arm is thought of at.
+/// Supply, and temperature in K, that an arm is planned of at.
 pub(super) type Conditions = (f64, f64);
 
 /// Rows of three sorts in one set of observations.
@@ -33,8 +33,8 @@ pub(super) struct Slopes<'a> {
     columns: Vec<Vec<f64>>,
 }
 
-/// What is thought of beside the rows that were measured.
-pub(super) struct Thought<'a> {
+/// What is planned of beside the rows that were measured.
+pub(super) struct PlannedRows<'a> {
     pub(super) frames: &'a [DesiredFrame],
     pub(super) next: &'a [Step],
     pub(super) conditions: Conditions,
@@ -44,21 +44,21 @@ pub(super) struct Thought<'a> {
 
 impl Rows {
     /// Training rows of `run`, then frames and next steps as the model of `arm` has them. Steps without a pose are left out.
-    pub(super) fn new(arm: &Arm, run: &Run, thought: &Thought) -> Self {
+    pub(super) fn new(arm: &Arm, run: &Run, planned: &PlannedRows) -> Self {
         let last_s = run.samples.last().map_or(0.0, |sample| sample.time_s);
         let samples_of = |steps: &[Step]| {
-            let mut samples = as_run(arm, steps, thought.conditions.0, thought.conditions.1).samples;
+            let mut samples = as_run(arm, steps, planned.conditions.0, planned.conditions.1).samples;
             samples.iter_mut().for_each(|sample| (sample.time_s, sample.held_out) = (last_s + GAP_S, false));
             samples
         };
-        let at_frames: Vec<Step> = thought.frames.iter().map(at_frame).collect();
-        let (frames, next) = (samples_of(&at_frames), samples_of(thought.next));
+        let at_frames: Vec<Step> = planned.frames.iter().map(at_frame).collect();
+        let (frames, next) = (samples_of(&at_frames), samples_of(planned.next));
         let (n_measured, n_frames) = (run.training().count(), frames.len());
         let steps = next.iter().map(|sample| sample.visit as usize).collect();
-        // What is thought of comes last, so that no frame is reached by its switches.
+        // What is planned of comes last, so that no frame is reached by its switches.
         let samples = run.samples.iter().cloned().chain(frames).chain(next).collect();
         let all = Run { samples, ..Run::default() };
-        let observations = Observations::new(arm, &all, thought.sigma, |sample| !sample.held_out);
+        let observations = Observations::new(arm, &all, planned.sigma, |sample| !sample.held_out);
         Self { observations, n_measured, n_frames, next: steps, length_scale_m: arm.length_scale_m }
     }
 

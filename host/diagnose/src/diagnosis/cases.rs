@@ -11,7 +11,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::{IntoParallelRefIterator as _, ParallelIterator as _};
 
 use crate::diagnosis::{SignalOptions, diagnose_table};
-use crate::linearise::model::{Model, What};
+use crate::linearise::model::{Model, Predictor};
 use crate::outcome::Verdict;
 use darm_measure::table::{Names, Table};
 
@@ -155,7 +155,7 @@ fn all_alone(cases: &[Case], named: impl Fn(&Case) -> String + Sync) {
 
 #[test]
 fn each_law_of_a_force_alone_explains_its_case() {
-    let model = What::Cylinder { bore_m: BORE_M }.into();
+    let model = Predictor::Cylinder { bore_m: BORE_M }.into();
     all_alone(&FORCES, |case| {
         let row = |now: &Now, added: f64| {
             let force = area_n_per_bar() * now.p + added;
@@ -167,7 +167,7 @@ fn each_law_of_a_force_alone_explains_its_case() {
 
 #[test]
 fn each_law_of_a_held_position_alone_explains_its_case() {
-    let model = What::Servo.into();
+    let model = Predictor::Servo.into();
     all_alone(&POSITIONS, |case| {
         let row = |now: &Now, added: f64| {
             format!("{:.3},{},{:.5},{:.6},{:.4}\n", now.t, now.x, now.x + added, now.p - 3.0, 20.0 + now.warm)

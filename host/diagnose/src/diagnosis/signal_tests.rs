@@ -9,7 +9,7 @@ use super::*;
 use crate::correction::Keep;
 use crate::effect::Law;
 use crate::linearise::linearise;
-use crate::linearise::model::What;
+use crate::linearise::model::Predictor;
 use crate::model_file::ModelFile;
 use crate::outcome::{ErrorFigure, Errors, RepeatedIn, Verdict};
 use crate::prepare::groups::Groups;
@@ -55,7 +55,8 @@ fn the_nominal_torques_of_a_real_arm_are_those_that_another_program_gives() {
 fn the_rotors_of_an_mjcf_are_in_its_torques() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/finger.xml");
     let lock = BTreeMap::from([("tip".to_string(), 0.3)]);
-    let Some(Model { what: What::Any(robot), effects }) = Model::read_selected(&path, &(&lock).into()).unwrap() else {
+    let Some(Model { what: Predictor::Any(robot), effects }) = Model::read_selected(&path, &(&lock).into()).unwrap()
+    else {
         panic!("no robot")
     };
     let mut text = "time_s,q1_rad,q2_rad,v1,v2,a1,a2,tau1_nm,tau2_nm\n".to_string();
@@ -69,7 +70,7 @@ fn the_rotors_of_an_mjcf_are_in_its_torques() {
     }
     assert!(robot.joints.iter().all(|joint| joint.armature == 1e-5));
     let table = Table::read_text(Path::new("finger.csv"), text.as_bytes(), &Names::new()).unwrap().0;
-    let model = Model { what: What::Any(robot), effects };
+    let model = Model { what: Predictor::Any(robot), effects };
     let experiment = linearise(&model, &Prepared::new(table, &Preparation::default(), None).unwrap()).unwrap();
     let largest = experiment.residuals.iter().fold(0.0f64, |largest, r| largest.max(r.abs()));
     assert!(largest < 1e-12, "{largest}");
@@ -264,8 +265,9 @@ fn repeatability_is_the_scatter_of_rows_under_the_same_conditions() {
         format!("t_s,target_count,position_count\n{rows}").as_bytes(),
         &Names::new(),
     );
-    let found =
-        diagnose_table(&What::Servo.into(), &table.unwrap().0, &options(HoldOut::Own, None, &[])).unwrap().diagnosis;
+    let found = diagnose_table(&Predictor::Servo.into(), &table.unwrap().0, &options(HoldOut::Own, None, &[]))
+        .unwrap()
+        .diagnosis;
     let reported = found.repeatability.unwrap();
     assert!(
         (reported.norm.value - (152.0f64 / 150.0).sqrt()).abs() < 1e-9
@@ -325,7 +327,7 @@ fn damaged_files_are_told_and_nothing_panics() {
         format!("{head}\"1,2,3,4\n5,6,7,8\n"),
     ];
     for (number, text) in damaged.iter().enumerate() {
-        for model in [&model("cylinder.toml"), &model("tx40.urdf"), &model("panda.toml"), &What::Servo.into()] {
+        for model in [&model("cylinder.toml"), &model("tx40.urdf"), &model("panda.toml"), &Predictor::Servo.into()] {
             let Ok((table, _)) = Table::read_text(Path::new("a.csv"), text.as_bytes(), &Names::new()) else { continue };
             if let Err(error) = diagnose_table(model, &table, &options(HoldOut::Own, None, &[])) {
                 assert!(error.to_string().len() > 20, "{number}: {error}");
@@ -337,7 +339,7 @@ fn damaged_files_are_told_and_nothing_panics() {
 #[test]
 fn a_law_that_is_rejected_returns_neither_as_an_effect_nor_as_a_fitted_term() {
     let table = cylinder(|_, v, _| 6.0 * v / v.hypot(1.0));
-    let model = Model::from(What::Cylinder { bore_m: 0.025 });
+    let model = Model::from(Predictor::Cylinder { bore_m: 0.025 });
     let run = |rejected: &[&str]| {
         let rejected = rejected.iter().map(|text| text.parse().unwrap()).collect();
         diagnose_table(&model, &table, &SignalOptions { rejected, ..options(HoldOut::Own, None, &[]) })

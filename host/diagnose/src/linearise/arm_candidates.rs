@@ -1,4 +1,4 @@
-//! What may be the matter: every effect law of `darm-core` at every place where it can act.
+//! Candidate effects: every effect law of `darm-core` at every place where it can act.
 
 use darm_core::effect::anchor_offset::Plate;
 use darm_core::effect::base_step::BaseStep;

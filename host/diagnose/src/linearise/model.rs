@@ -50,14 +50,14 @@ pub type ModelError = FileError<String>;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
     /// What predicts.
-    pub what: What,
+    pub what: Predictor,
     /// What was found before.
     pub effects: Vec<ModelEffect>,
 }
 
 /// What predicts.
 #[derive(Clone, Debug, PartialEq)]
-pub enum What {
+pub enum Predictor {
     /// One fluid actuator with this bore.
     Cylinder {
         /// Diameter of its piston, m.
@@ -180,7 +180,7 @@ impl Model {
         let file = file.into();
         let source = Source::read_lossy::<String>(&file)?;
         if is_robot(&source) {
-            return Ok(Some(What::Any(description::of_source(source, selection)?).into()));
+            return Ok(Some(Predictor::Any(description::of_source(source, selection)?).into()));
         }
         let source = Source::read(&file)?;
         let table = source.text().parse::<toml::Table>().ok();
@@ -192,9 +192,9 @@ impl Model {
             Kind::Cylinder => {
                 let RawCylinder { bore_mm, effect, .. } = source.parse()?;
                 let bore_m = length_m(&bore_mm).map_err(|wrong| wrong.at(&source))?;
-                (What::Cylinder { bore_m }, effect)
+                (Predictor::Cylinder { bore_m }, effect)
             }
-            Kind::Servo => (What::Servo, source.parse::<RawServo, _>()?.effect),
+            Kind::Servo => (Predictor::Servo, source.parse::<RawServo, _>()?.effect),
             Kind::Robot => {
                 let mut raw: RawRobot = source.parse()?;
                 let effects = std::mem::take(&mut raw.effect);
@@ -210,7 +210,7 @@ pub(crate) fn is_robot(source: &Source) -> bool {
     source.is_xml()
 }
 
-impl What {
+impl Predictor {
     /// The robot, where it is one.
     pub fn robot(&self) -> Option<&Robot> {
         match self {
@@ -229,8 +229,8 @@ impl What {
     }
 }
 
-impl From<What> for Model {
-    fn from(what: What) -> Self {
+impl From<Predictor> for Model {
+    fn from(what: Predictor) -> Self {
         Self { what, effects: Vec::new() }
     }
 }
@@ -253,7 +253,7 @@ fn length_m(mm: &Spanned<f64>) -> Result<f64, Wrong> {
 }
 
 /// What a model of a robot describes.
-fn robot(source: &Source, raw: RawRobot, selection: &Selection) -> Result<What, ModelError> {
+fn robot(source: &Source, raw: RawRobot, selection: &Selection) -> Result<Predictor, ModelError> {
     let mut locks = selection.locks.clone();
     locks.extend(raw.lock_deg.iter().map(|(joint, deg)| (joint.clone(), deg.to_radians())));
     locks.extend(raw.lock_mm.iter().map(|(joint, mm)| (joint.clone(), 1e-3 * mm)));
@@ -264,21 +264,21 @@ fn robot(source: &Source, raw: RawRobot, selection: &Selection) -> Result<What, 
     observed(robot, raw).map_err(|wrong| wrong.at(source))
 }
 
-fn observed(robot: Robot, raw: RawRobot) -> Result<What, Wrong> {
+fn observed(robot: Robot, raw: RawRobot) -> Result<Predictor, Wrong> {
     if let Some(tool) = &raw.tool {
         known_frame(&robot, tool)?;
     }
     Ok(match raw.observed.get_ref() {
         Observed::Torque => {
             let transmission = transmission(raw.transmission, raw.offset_deg, robot.joints.len())?;
-            What::Torque(robot, transmission)
+            Predictor::Torque(robot, transmission)
         }
-        Observed::Wrench => What::Wrench(robot),
-        Observed::PointContact => What::PointContact(robot, points(raw)?),
+        Observed::Wrench => Predictor::Wrench(robot),
+        Observed::PointContact => Predictor::PointContact(robot, points(raw)?),
         Observed::ToolPosition | Observed::ToolPose => {
             let oriented = matches!(raw.observed.get_ref(), Observed::ToolPose);
             let in_base_frame = raw.frame == InstrumentFrame::Base;
-            What::Tool(robot, MeasuredTool { tool: raw.tool.map(Spanned::into_inner), oriented, in_base_frame })
+            Predictor::Tool(robot, MeasuredTool { tool: raw.tool.map(Spanned::into_inner), oriented, in_base_frame })
         }
     })
 }

@@ -61,7 +61,7 @@ fn a_quarter_of_the_words_is_held_out_whole_and_not_repeated() {
 fn the_words_tell_more_than_random_ones() {
     let arm = arm();
     let steps = candidates(&arm, 7);
-    let observations = Observations::new(&arm, &as_run_away(&arm, &steps), NOISE, |_| true);
+    let observations = Observations::new(&arm, &run_off_nominal(&arm, &steps), NOISE, |_| true);
     let columns = candidate_columns(&arm, &observations);
     let information = |words: &[Word]| {
         let rows: Vec<usize> = (0..steps.len()).filter(|&row| words.contains(&steps[row].word)).collect();

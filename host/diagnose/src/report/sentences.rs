@@ -258,7 +258,7 @@ fn outlier_sentence(diagnosis: &Diagnosis) -> Option<String> {
     let lines: Vec<String> = diagnosis.outliers.iter().take(MAX_LINES).map(|row| row.line.to_string()).collect();
     let more = if n > MAX_LINES { ", …" } else { "" };
     let why = match diagnosis.kind.is_of_tool() && are_too_many(n, diagnosis.rows.train) {
-        true => " They are no blunders: an effect acts now and then, or the log is wrong in these rows.",
+        true => " They are not isolated outliers: an effect acts now and then, or the log is wrong in these rows.",
         false => "",
     };
     (n > 0).then(|| format!("{n} outliers, with little weight: lines {}{more}.{why}", lines.join(", ")))

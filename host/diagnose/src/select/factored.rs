@@ -13,13 +13,13 @@ use rayon::prelude::{
 };
 
 use super::normal_equations::System;
-use super::problem::{Trial, Under};
+use super::problem::{Trial, Weighted};
 use super::signals::{Fit, Signals};
 
 /// A model, factorised under a weighting.
 pub(crate) struct Factored<'a> {
     /// The problem under the weighting.
-    pub(crate) weighted: Under<'a, Signals>,
+    pub(crate) weighted: Weighted<'a, Signals>,
     /// Its candidates.
     pub(crate) active: Vec<usize>,
     indices: Vec<usize>,
@@ -37,7 +37,7 @@ struct Part {
 }
 
 /// The model with these candidates, fitted and cross-validated.
-pub(crate) fn judged(weighted: Under<Signals>, active: Vec<usize>, effect: Option<usize>) -> Trial<Signals> {
+pub(crate) fn judged(weighted: Weighted<Signals>, active: Vec<usize>, effect: Option<usize>) -> Trial<Signals> {
     Factored::new(weighted, active).trial(effect)
 }
 
@@ -82,7 +82,7 @@ impl Part {
 
 impl<'a> Factored<'a> {
     /// The model with these candidates.
-    pub(crate) fn new(weighted: Under<'a, Signals>, active: Vec<usize>) -> Self {
+    pub(crate) fn new(weighted: Weighted<'a, Signals>, active: Vec<usize>) -> Self {
         let indices = weighted.problem.indices(&active);
         let parts = weighted.weighting.systems.par_iter().map(|system| Part::new(system, &indices)).collect();
         Self { weighted, active, indices, parts }

@@ -105,8 +105,8 @@ pub trait RegressionProblem: Sized {
     fn loss_reduction(&self, weighting: &Self::Weighting, before: &[f64], after: &[f64]) -> LossReduction;
 
     /// The problem under the weighting of a model.
-    fn under<'a>(&'a self, model: &'a Trial<Self>) -> Under<'a, Self> {
-        Under { problem: self, weighting: &model.weighting }
+    fn under<'a>(&'a self, model: &'a Trial<Self>) -> Weighted<'a, Self> {
+        Weighted { problem: self, weighting: &model.weighting }
     }
 }
 
@@ -167,22 +167,22 @@ impl Loss {
 
 /// A problem under one weighting: models are compared under it, whatever weighting they were fitted under.
 #[derive(Debug)]
-pub struct Under<'a, P: RegressionProblem> {
+pub struct Weighted<'a, P: RegressionProblem> {
     /// The problem.
     pub problem: &'a P,
     /// The weighting.
     pub weighting: &'a Arc<P::Weighting>,
 }
 
-impl<P: RegressionProblem> Clone for Under<'_, P> {
+impl<P: RegressionProblem> Clone for Weighted<'_, P> {
     fn clone(&self) -> Self {
         *self
     }
 }
 
-impl<P: RegressionProblem> Copy for Under<'_, P> {}
+impl<P: RegressionProblem> Copy for Weighted<'_, P> {}
 
-impl<P: RegressionProblem> Under<'_, P> {
+impl<P: RegressionProblem> Weighted<'_, P> {
     fn loss(&self, trial: &Trial<P>) -> f64 {
         self.problem.loss(self.weighting, &trial.predicted).0
     }

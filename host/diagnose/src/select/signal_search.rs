@@ -4,7 +4,7 @@ use std::convert::Infallible;
 use std::sync::Arc;
 
 use super::factored::Factored;
-use super::problem::{CandidateName, Loss, Neighbours, Policy, RegressionProblem, Trial, Under};
+use super::problem::{CandidateName, Loss, Neighbours, Policy, RegressionProblem, Trial, Weighted};
 use super::signals::{Fit, NEGLIGIBLE_LOSS, Signals, Weighting, in_noise};
 use super::significance::{DISCOVERY_LEVEL, LossReduction, SIGNAL_RIVAL_LEVEL, paired_t_test};
 use crate::progress::Progress;
@@ -21,12 +21,12 @@ const MAX_REFITS: usize = 3;
 const MAX_TO_EXCHANGE: usize = 1200;
 
 /// A model whose neighbours are to be computed, factorised.
-pub struct Around<'a> {
+pub struct Neighbourhood<'a> {
     factored: Factored<'a>,
     fit: &'a Fit,
 }
 
-impl Neighbours<Signals> for Around<'_> {
+impl Neighbours<Signals> for Neighbourhood<'_> {
     fn with_one_more(&self) -> Result<Vec<Trial<Signals>>, Infallible> {
         let problem = self.factored.weighted.problem;
         let open: Vec<(usize, Vec<usize>)> =
@@ -67,7 +67,7 @@ impl RegressionProblem for Signals {
     type Effect = usize;
     type Fit = Fit;
     type Weighting = Weighting;
-    type Neighbours<'a> = Around<'a>;
+    type Neighbours<'a> = Neighbourhood<'a>;
     type Error = Infallible;
 
     fn policy(&self) -> Policy {
@@ -118,14 +118,14 @@ impl RegressionProblem for Signals {
             }
             before.clone_from(&sigma);
             let weighting = Arc::new(self.weigh(&residuals, sigma, linearised));
-            let under = Under { problem: self, weighting: &weighting };
+            let under = Weighted { problem: self, weighting: &weighting };
             best = Factored::new(under, best.fit.active).trial(best.effect);
         }
         Ok(best)
     }
 
-    fn neighbours<'a>(&'a self, model: &'a Trial<Self>) -> Around<'a> {
-        Around { factored: Factored::new(self.under(model), model.fit.active.clone()), fit: &model.fit }
+    fn neighbours<'a>(&'a self, model: &'a Trial<Self>) -> Neighbourhood<'a> {
+        Neighbourhood { factored: Factored::new(self.under(model), model.fit.active.clone()), fit: &model.fit }
     }
 
     /// Where the residuals are linear, a linear fit is a full one.
@@ -134,7 +134,7 @@ impl RegressionProblem for Signals {
         for _ in 0..MAX_REFITS {
             let Some(linearised) = self.moved_on(&refitted) else { break };
             let weighting = Arc::new(trial.weighting.at(linearised));
-            let under = Under { problem: self, weighting: &weighting };
+            let under = Weighted { problem: self, weighting: &weighting };
             refitted = Factored::new(under, refitted.fit.active).trial(refitted.effect);
         }
         // It is compared under the weighting that the others have.

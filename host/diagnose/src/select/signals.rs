@@ -17,7 +17,7 @@ use rayon::prelude::{IntoParallelIterator as _, ParallelIterator as _};
 
 use super::columns::Columns;
 use super::normal_equations::{System, solve};
-use super::problem::{Trial, Under};
+use super::problem::{Trial, Weighted};
 use super::robust_fit::{rho, threshold, weights};
 use crate::effect::Law;
 use crate::linearise::experiment::{Candidate, Curvature, Experiment};
@@ -272,7 +272,7 @@ fn mean_square(mut squares: Vec<f64>, by_median: bool) -> f64 {
     squares.iter().sum::<f64>() / squares.len().max(1) as f64
 }
 
-impl Under<'_, Signals> {
+impl Weighted<'_, Signals> {
     /// Residuals of the training rows in units of the noise, of a model.
     pub fn training_residuals(&self, fit: &Fit) -> Vec<f64> {
         in_noise(self.problem.training_residuals(fit), &self.weighting.sigma)

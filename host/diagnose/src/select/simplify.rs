@@ -13,7 +13,7 @@ use nalgebra::{Cholesky, DVector, Dyn};
 
 use super::factored::{Factored, judged};
 use super::forward::rivals;
-use super::problem::{RegressionProblem as _, Trial, Under};
+use super::problem::{RegressionProblem as _, Trial, Weighted};
 use super::robust_fit::pseudo_inverse;
 use super::signals::{Fit, Signals};
 use super::significance::RIVAL_LEVEL;
@@ -114,7 +114,7 @@ pub(crate) fn single_rivals(
 }
 
 /// Whether the values `inside`, with the root of their information, explain those of a candidate.
-fn spans(weighted: &Under<Signals>, inside: &[usize], root: &Cholesky<f64, Dyn>, candidate: usize) -> bool {
+fn spans(weighted: &Weighted<Signals>, inside: &[usize], root: &Cholesky<f64, Dyn>, candidate: usize) -> bool {
     let own = weighted.problem.indices(&[candidate]);
     let all = weighted.information(&[inside, &own].concat());
     let n = inside.len();

@@ -217,12 +217,12 @@ fn step(fit: &Fit, effect: usize, sensitivity: &Sensitivity) -> Option<change_po
 }
 
 /// A model of tool poses, whose neighbours are to be computed.
-pub struct Around<'a> {
+pub struct Neighbourhood<'a> {
     problem: &'a ToolPoses,
     model: &'a Trial<ToolPoses>,
 }
 
-impl Neighbours<ToolPoses> for Around<'_> {
+impl Neighbours<ToolPoses> for Neighbourhood<'_> {
     fn with_one_more(&self) -> Result<Vec<Trial<ToolPoses>>, NoPose> {
         let Self { problem, model } = self;
         let candidates: Vec<Effect<f64>> = arm_candidates::all(&model.fit.model)
@@ -249,7 +249,7 @@ impl RegressionProblem for ToolPoses {
     type Effect = Effect<f64>;
     type Fit = Fit;
     type Weighting = ();
-    type Neighbours<'a> = Around<'a>;
+    type Neighbours<'a> = Neighbourhood<'a>;
     type Error = NoPose;
 
     fn policy(&self) -> Policy {
@@ -289,8 +289,8 @@ impl RegressionProblem for ToolPoses {
         Ok(model)
     }
 
-    fn neighbours<'a>(&'a self, model: &'a Trial<Self>) -> Around<'a> {
-        Around { problem: self, model }
+    fn neighbours<'a>(&'a self, model: &'a Trial<Self>) -> Neighbourhood<'a> {
+        Neighbourhood { problem: self, model }
     }
 
     /// A trial fitted in full; a step gets the best change point beside the other effects.

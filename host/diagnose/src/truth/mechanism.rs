@@ -1,4 +1,4 @@
-//! What is really the matter with the true arm, by separate equations.
+//! Ground-truth mechanisms of the true arm, by separate equations.
 //!
 //! | kind | what happens | equation |
 //! | --- | --- | --- |

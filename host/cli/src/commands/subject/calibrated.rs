@@ -6,7 +6,7 @@ use anyhow::Context as _;
 use darm_diagnose::effect::Law;
 use darm_diagnose::linearise::calibrated::{calibrated, with_joint_offsets};
 use darm_diagnose::linearise::measured_tool::MeasuredTool;
-use darm_diagnose::linearise::model::What;
+use darm_diagnose::linearise::model::Predictor;
 use darm_diagnose::linearise::model_effects::ModelEffect;
 use darm_diagnose::linearise::point_contact::Points;
 use darm_robot::robot::Robot;
@@ -20,11 +20,11 @@ pub(super) fn robot(path: &Path, part: Part) -> anyhow::Result<Option<Robot>> {
     let Some((model, _)) = part.read_model(path)? else { return Ok(None) };
     let shown = path.display();
     match model.what {
-        What::PointContact(robot, Points { tool, .. }) | What::Tool(robot, MeasuredTool { tool, .. }) => {
+        Predictor::PointContact(robot, Points { tool, .. }) | Predictor::Tool(robot, MeasuredTool { tool, .. }) => {
             let calibrated = calibrated(&robot, tool.as_deref(), &model.effects);
             calibrated.map(Some).with_context(|| shown.to_string())
         }
-        What::Torque(robot, _) | What::Wrench(robot) | What::Any(robot) => {
+        Predictor::Torque(robot, _) | Predictor::Wrench(robot) | Predictor::Any(robot) => {
             let is_of_link = |effect: &ModelEffect| effect.law == Law::MassDistribution && !effect.is_carried();
             if model.effects.iter().any(is_of_link) {
                 let text =
@@ -33,7 +33,7 @@ pub(super) fn robot(path: &Path, part: Part) -> anyhow::Result<Option<Robot>> {
             }
             with_joint_offsets(&robot, &model.effects).map(Some).with_context(|| shown.to_string())
         }
-        What::Cylinder { .. } | What::Servo => {
+        Predictor::Cylinder { .. } | Predictor::Servo => {
             Err(Usage(format!("{shown}: a model of one actuator, this command needs an arm or a robot")).into())
         }
     }

@@ -12,7 +12,7 @@ use darm_arm::arm::{Arm, ArmScratch};
 use darm_core::actuator::{JointKind, Stage};
 use darm_core::chain::Parameter;
 use darm_core::se::{Pose, Twist, Wrench, rotation_log};
-use darm_diagnose::linearise::model::What;
+use darm_diagnose::linearise::model::Predictor;
 use darm_diagnose::linearise::model_effects::ModelEffect;
 use darm_diagnose::linearise::torque::Transmission;
 use darm_robot::mjcf::SITE;
@@ -118,7 +118,7 @@ impl SubjectArgs {
         let is_toml = self.file.extension().is_some_and(|end| end == "toml");
         let model = is_toml.then(|| self.part().read_model(&self.file)).transpose()?.flatten();
         let Some((model, _)) = model else { return Ok(None) };
-        let What::Torque(robot, transmission) = model.what else {
+        let Predictor::Torque(robot, transmission) = model.what else {
             let shown = self.file.display();
             let what = format!("{shown}: the model does not observe torques; add observed = \"torque\"");
             return Err(Usage(what).into());

@@ -9,7 +9,7 @@ use rayon::prelude::{IntoParallelRefIterator as _, ParallelIterator as _};
 use super::*;
 use crate::diagnosis::{SignalOptions, diagnose_table};
 use crate::linearise::faulty_robot_cases::{Fault, Faulty, JOINTS, cases, named, normal, panda};
-use crate::linearise::model::{Model, What};
+use crate::linearise::model::{Model, Predictor};
 use crate::misreading::Misreading;
 use crate::outcome::{Regressor, Verdict};
 use darm_measure::table::{Names, Table};
@@ -44,7 +44,7 @@ fn reported(fault: Fault, base: &Pose<f64>, in_base_frame: bool, scale: f64, noi
     let table = table(&robot, fault, base, scale, noise_m);
     let how = MeasuredTool { tool: Some(TOOL.into()), oriented: false, in_base_frame };
     let options = SignalOptions { seed: 1, ..SignalOptions::default() };
-    named(&diagnose_table(&Model::from(What::Tool(robot, how)), &table, &options).unwrap().diagnosis)
+    named(&diagnose_table(&Model::from(Predictor::Tool(robot, how)), &table, &options).unwrap().diagnosis)
 }
 
 fn wrong(base: Pose<f64>, in_base_frame: bool, noise_m: f64) -> Vec<(&'static str, String)> {
@@ -131,7 +131,7 @@ fn measured_in_places(late: usize, per_posture_m: f64) -> Verdict {
     let table = Table::read_text(Path::new("a.csv"), text.as_bytes(), &Names::new()).unwrap().0;
     let how = MeasuredTool { tool: Some(TOOL.into()), oriented: false, in_base_frame: true };
     let options = SignalOptions { seed: 1, ..SignalOptions::default() };
-    diagnose_table(&Model::from(What::Tool(robot, how)), &table, &options).unwrap().diagnosis.verdict
+    diagnose_table(&Model::from(Predictor::Tool(robot, how)), &table, &options).unwrap().diagnosis.verdict
 }
 
 /// One row late a quarter of the rows is wrong, four rows late all are.
@@ -171,7 +171,7 @@ fn a_quaternion_in_another_order_or_of_the_inverse_turn_is_recognised() {
         }
         let table = Table::read_text(Path::new("a.csv"), text.as_bytes(), &Names::new()).unwrap().0;
         let how = MeasuredTool { tool: Some(TOOL.into()), oriented: true, in_base_frame: false };
-        let model = Model::from(What::Tool(robot.clone(), how));
+        let model = Model::from(Predictor::Tool(robot.clone(), how));
         let found =
             diagnose_table(&model, &table, &SignalOptions { seed: 1, ..SignalOptions::default() }).unwrap().diagnosis;
         found.other_reading.map(|other| (other.misreading, found.verdict))
@@ -206,7 +206,7 @@ fn an_error_of_each_posture_is_no_noise_and_is_named_as_such() {
     }
     let table = Table::read_text(Path::new("a.csv"), text.as_bytes(), &Names::new()).unwrap().0;
     let how = MeasuredTool { tool: Some(TOOL.into()), oriented: false, in_base_frame: true };
-    let model = Model::from(What::Tool(robot, how));
+    let model = Model::from(Predictor::Tool(robot, how));
     let found =
         diagnose_table(&model, &table, &SignalOptions { seed: 1, ..SignalOptions::default() }).unwrap().diagnosis;
     assert_eq!(found.verdict, Verdict::UnexplainedStructure, "{:?}", found.plain);

@@ -10,7 +10,7 @@ use rayon::prelude::{IntoParallelRefIterator as _, ParallelIterator as _};
 use super::*;
 use crate::diagnosis::{SignalOptions, diagnose_table};
 use crate::linearise::faulty_robot_cases::{Fault, Faulty, JOINTS, cases, named, normal, panda};
-use crate::linearise::model::{Model, What};
+use crate::linearise::model::{Model, Predictor};
 use darm_measure::table::{Names, Table};
 
 /// Pairs of points, this far apart, m.
@@ -65,7 +65,8 @@ fn table(robot: &Robot, fault: Fault, seed: u64) -> Table {
 /// What is reported of a fault: the laws, each with its place, and the verdict where it is another.
 fn reported(robot: &Robot, fault: Fault, pair: Option<(String, f64)>) -> String {
     let point = ["place", "socket"].map(String::from).to_vec();
-    let model = Model::from(What::PointContact(robot.clone(), Points { point, pair, tool: Some("ball_link".into()) }));
+    let model =
+        Model::from(Predictor::PointContact(robot.clone(), Points { point, pair, tool: Some("ball_link".into()) }));
     let options = SignalOptions { seed: 1, ..SignalOptions::default() };
     let found = diagnose_table(&model, &table(robot, fault, SEED), &options).unwrap().diagnosis;
     // What turns or moves all points alike.

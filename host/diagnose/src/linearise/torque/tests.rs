@@ -13,7 +13,7 @@ use super::placement::{Misplaced, Placement};
 use crate::diagnosis::{SignalOptions, diagnose_table};
 use crate::effect::{Law, Place, Site};
 use crate::linearise::experiment::Candidate;
-use crate::linearise::model::{Model, What};
+use crate::linearise::model::{Model, Predictor};
 use crate::linearise::model_effects::ModelEffect;
 use crate::linearise::serial_chain::site_of_joint;
 use crate::outcome::{Diagnosis, Verdict};
@@ -109,7 +109,7 @@ fn diagnosed_with(noise_nm: f64, measured: impl Fn(f64) -> (Vec<f64>, u32)) -> D
     }
     let table = Table::read_text(Path::new("a.csv"), text.as_bytes(), &Names::new()).unwrap().0;
     let options = SignalOptions { seed: 1, ..SignalOptions::default() };
-    diagnose_table(&Model::from(What::Torque(tx40(), None)), &table, &options).unwrap().diagnosis
+    diagnose_table(&Model::from(Predictor::Torque(tx40(), None)), &table, &options).unwrap().diagnosis
 }
 
 /// Intervals of the values of the only effect that is named, by their names.
