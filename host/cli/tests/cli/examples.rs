@@ -35,7 +35,7 @@ impl Example {
 
     /// Whether it runs until Ctrl-C and is the simulator.
     fn is_simulator(&self) -> bool {
-        ["darm sim ", "darm plant "].iter().any(|start| self.line.starts_with(start))
+        self.line.starts_with("darm sim ")
     }
 }
 

@@ -24,7 +24,7 @@ fn a_fault_in_a_file_has_one_form() {
         (&"diagnose file file".to_owned(), "kind = \"cylinder\"\nbore_mm = -1\n", "file:2:11: the length is -1 mm; give a number above 0".into()),
         (&"fk file.toml".to_owned(), "kind = \"robot\"\nurdf = \"none.urdf\"\nobserved = \"torque\"\n", format!("file.toml:2:8: none.urdf: {missing}")),
         (&"dynamics file.toml".to_owned(), "kind = \"robot\"\nnumber = 3\nurdf = \"none.urdf\"\nobserved = \"torc\"\n",
-            "file.toml:4:12: unknown variant `torc`, expected one of `torque`, `wrench`, `closure`, `point-contact`, `tool-position`, `tool-pose`; correct the TOML".into()),
+            "file.toml:4:12: unknown variant `torc`, expected one of `torque`, `wrench`, `point-contact`, `tool-position`, `tool-pose`; correct the TOML".into()),
         (&"fk file.toml".to_owned(), "format = \n", "file.toml:1:10: string values must be quoted, expected literal string; correct the TOML".into()),
         (&"fk file.urdf".to_owned(), "<robot name=\"r\">\n<link name=\"l\"></robot>", "file.urdf:2:16: ill-formed document: expected `</link>`, but `</robot>` was found; correct the XML".into()),
         (&"fk file.xml".to_owned(), "<mujoco>\n <include file=\"none.xml\"/></mujoco>", format!("file.xml:2:2: none.xml: {missing}")),
