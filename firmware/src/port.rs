@@ -13,10 +13,10 @@
 use darm_core::units::Micros;
 use darm_core::wire::frame::MAX_FRAME;
 
-use crate::scan::MAX_SPACES;
-
 /// Silence after which an open frame is given up.
 pub const SILENCE: Micros = Micros::from_millis(100);
+/// Spaces in a row that count, here and for the scanner of stops: more would push the word out of the characters that it remembers.
+pub(crate) const MAX_SPACES: usize = 8;
 /// Longest line of text.
 const MAX_LINE: usize = 120;
 

@@ -12,6 +12,7 @@ use darm_core::wire::message::{self, MAX_STOP, REQUEST};
 use embassy_futures::yield_now;
 
 use crate::control::Shared;
+use crate::port::MAX_SPACES;
 
 /// A stop, in the language in which it came.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,8 +71,6 @@ fn framed(header: Header, payload: &[u8]) -> Confirmation {
 
 /// Longest stop frame between its zeros: header, payload, checksum and COBS's overhead.
 const FRAME: usize = HEADER + MAX_STOP + 4 + 1;
-/// Spaces in a row that count, here and for the parser: more would push the word out of the characters that are remembered.
-pub(crate) const MAX_SPACES: usize = 8;
 const WORD: u32 = u32::from_be_bytes(*b"stop");
 /// Bit 5 of each letter: small and capital.
 const CASE: u32 = 0x2020_2020;

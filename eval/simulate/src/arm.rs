@@ -18,7 +18,7 @@ use crate::judge::{Ceilings, LatchCeiling, LineCeiling, ServoCeiling, SwitchCeil
 
 /// Input of the emergency stop; no actuator's switch is there.
 pub const EMERGENCY_STOP: u8 = 12;
-/// The last row of a table that ends while its servos are on their way comes so long after the one before, ms, and sends
+/// The last row of a table that ends while its servos are on their way comes this time after the one before, ms, and sends
 /// them as far as this share of their speed reaches. The end comes right behind it.
 const LAST_MS: u32 = 350;
 const LAST_SHARE: f32 = 0.9;

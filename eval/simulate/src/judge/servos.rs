@@ -401,7 +401,7 @@ impl Servos {
         }
     }
 
-    /// One that an order moves has to stop for good: where it rests between two goals of a program its time goes on.
+    /// One that an order moves has to stop for good: where it rests between two goals of a program its time continues.
     fn check_overload(&mut self, now_ns: u64, track: &mut Track, turned: f32) {
         let Joint { id, step, goal, is_overloaded, is_heard, .. } = track.last;
         let is_ordered = track.motion == Motion::Ordered;

@@ -36,7 +36,7 @@ const FORCE_N: f64 = 1.0;
 /// Targets of a joint, how often it comes to each, and its noise, deg.
 const TARGETS: usize = 40;
 const TIMES: usize = 8;
-const HELD_DEG: f64 = 0.02;
+const SERVO_NOISE_DEG: f64 = 0.02;
 
 /// How the rows of a tool are repeated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -179,7 +179,7 @@ pub(super) fn cylinder(rng: &mut ChaCha8Rng) -> Drawn {
 }
 
 /// A joint that holds one target after the other.
-pub(super) fn held(rng: &mut ChaCha8Rng) -> Drawn {
+pub(super) fn position_of_servo(rng: &mut ChaCha8Rng) -> Drawn {
     let targets: Vec<f64> = (0..TARGETS).map(|_| f64::from(rng.random_range(-600..600)) * 0.1).collect();
     let mut order: Vec<usize> = (0..TARGETS * TIMES).map(|k| k % TARGETS).collect();
     order.shuffle(rng);
@@ -191,8 +191,8 @@ pub(super) fn held(rng: &mut ChaCha8Rng) -> Drawn {
     let bench = Bench::new(
         Channels { names, values: vec![times, target.clone()] },
         Channels { names: vec!["position_deg".into()], values: vec![target] },
-        vec![HELD_DEG],
-        vec![HELD_DEG],
+        vec![SERVO_NOISE_DEG],
+        vec![SERVO_NOISE_DEG],
     );
     Drawn { what: Predictor::Servo, bench, seen, on: vec![(0, 1.0)] }
 }

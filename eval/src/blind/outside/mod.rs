@@ -51,7 +51,7 @@ type Right = Box<dyn Fn(&Regressor) -> bool>;
 struct Secret {
     /// The generator.
     world: &'static str,
-    /// Whether something that the residual may depend on is the right one; `None` where nothing that was recorded tells.
+    /// Whether something that the residual may depend on is the right one; `None` where nothing that was recorded shows it.
     is_right: Option<Right>,
 }
 
@@ -62,7 +62,7 @@ pub(crate) struct Outcome {
     world: String,
     times: f64,
     answer: Answer,
-    /// Whether the variable that is listed first is the right one, and whether any is; `None` where nothing that was recorded tells.
+    /// Whether the variable that is listed first is the right one, and whether any is; `None` where nothing that was recorded shows it.
     variable: Option<[bool; 2]>,
 }
 
@@ -87,7 +87,7 @@ enum Setting {
     Robot(Which, Layout),
     Tool(bool, Repeats),
     Cylinder(Layout),
-    Held,
+    ServoPosition,
 }
 
 const ARMS: [&str; 3] = ["planar", "spatial", "hybrid"];
@@ -110,7 +110,11 @@ fn settings() -> Vec<Setting> {
     let tools = tools.into_iter().flat_map(|repeats| [false, true].map(|oriented| Setting::Tool(oriented, repeats)));
     let motions =
         OF_MOTIONS.into_iter().flat_map(|layout| [Setting::Robot(Which::Serial, layout), Setting::Cylinder(layout)]);
-    poses.chain(tools).chain(motions).chain([Setting::Robot(Which::Floating, Layout::Plan), Setting::Held]).collect()
+    poses
+        .chain(tools)
+        .chain(motions)
+        .chain([Setting::Robot(Which::Floating, Layout::Plan), Setting::ServoPosition])
+        .collect()
 }
 
 impl Setting {
@@ -122,7 +126,7 @@ impl Setting {
             Self::Tool(false, _) => "tool positions".into(),
             Self::Tool(true, _) => "tool poses".into(),
             Self::Cylinder(_) => "force".into(),
-            Self::Held => "held positions".into(),
+            Self::ServoPosition => "held positions".into(),
         }
     }
 
@@ -132,7 +136,7 @@ impl Setting {
                 format!("{}, {layout:?}", self.kind())
             }
             Self::Tool(_, repeats) => format!("{}, repeats {repeats:?}", self.kind()),
-            Self::Held => self.kind(),
+            Self::ServoPosition => self.kind(),
         }
     }
 }
@@ -208,8 +212,8 @@ fn run(bench: &Bench, setting: Setting, seed: u64, clean: bool) -> Result<(Outco
             let drawn = benches::cylinder(&mut rng);
             of_signals(drawn, (Which::Serial, layout), (seed, times), &mut rng)?
         }
-        Setting::Held => {
-            let drawn = benches::held(&mut rng);
+        Setting::ServoPosition => {
+            let drawn = benches::position_of_servo(&mut rng);
             of_signals(drawn, (Which::Serial, Layout::Plan), (seed, times), &mut rng)?
         }
     };

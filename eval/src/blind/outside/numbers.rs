@@ -46,8 +46,8 @@ pub(super) fn walk(times: &[f64], rng: &mut ChaCha8Rng) -> Vec<f64> {
     let mut at = vec![0.0; 62];
     (1..at.len()).for_each(|k| at[k] = at[k - 1] + normal(rng));
     let between = |share: f64| {
-        let (whole, part) = ((60.0 * share) as usize, (60.0 * share).fract());
-        at[whole] + part * (at[whole + 1] - at[whole])
+        let (full, part) = ((60.0 * share) as usize, (60.0 * share).fract());
+        at[full] + part * (at[full + 1] - at[full])
     };
     ranks(times).into_iter().map(between).collect()
 }

@@ -45,7 +45,7 @@ enum Needs {
     Loads,
 }
 
-/// A column, and the channels of which any is a right answer; none where nothing that was recorded tells.
+/// A column, and the channels of which any is a right answer; none where nothing that was recorded shows it.
 type Shape = (Vec<f64>, Vec<String>);
 
 /// All of them.
@@ -78,7 +78,7 @@ pub(super) const WORLDS: [World; 21] = [
         needs: Needs::Loads,
         draw: |seen, _| of_loads(seen, |_, other| other),
     },
-    World { name: "a value that is held for some rows", needs: Needs::Loads, draw: held_for_some_rows },
+    World { name: "a value that is held for some rows", needs: Needs::Loads, draw: repeated_for_some_rows },
 ];
 
 impl World {
@@ -244,7 +244,7 @@ fn dead_band(seen: &Seen, _: &mut ChaCha8Rng) -> Shape {
     of_loads(seen, |own, _| if own.abs() < band { -own } else { 0.0 })
 }
 
-fn held_for_some_rows(seen: &Seen, rng: &mut ChaCha8Rng) -> Shape {
+fn repeated_for_some_rows(seen: &Seen, rng: &mut ChaCha8Rng) -> Shape {
     let (n, (loads, _)) = (rng.random_range(5..9), of_loads(seen, |own, _| own));
     ((0..loads.len()).map(|row| loads[row - row % n] - loads[row]).collect(), Vec::new())
 }

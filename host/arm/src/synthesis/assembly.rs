@@ -31,11 +31,11 @@ pub struct WithoutPose {
 /// The modules of an arm with settings in which they cannot be assembled: no table can use words that contain them.
 pub fn without_pose(arm: &Arm) -> Vec<WithoutPose> {
     let stages = arm.model.chain.stages.iter().enumerate();
-    let lacking = stages.map(|(stage, module)| WithoutPose { stage, settings: lacking(module) });
-    lacking.filter(|module| !module.settings.is_empty()).collect()
+    let modules = stages.map(|(stage, module)| WithoutPose { stage, settings: without_pose_of(module) });
+    modules.filter(|module| !module.settings.is_empty()).collect()
 }
 
-fn lacking(stage: &Stage<f64>) -> Vec<Vec<u8>> {
+fn without_pose_of(stage: &Stage<f64>) -> Vec<Vec<u8>> {
     let is_platform = matches!(stage, Stage::Planar(_) | Stage::Spatial(_));
     let count = if is_platform { (0..stage.n_actuators()).map(|leg| stage.n_states(leg)).product() } else { 0 };
     (0..count).map(|index| digits(stage, index)).filter(|digits| !is_assembled(stage, digits)).collect()
@@ -61,7 +61,7 @@ fn is_assembled(stage: &Stage<f64>, digits: &[u8]) -> bool {
 }
 
 /// What a module has to do in any case: an arm without a pose at rest or fully extended cannot be read from its file.
-fn stands(stage: &Stage<f64>) -> bool {
+fn has_needed_poses(stage: &Stage<f64>) -> bool {
     let extended: Vec<u8> = (0..stage.n_actuators()).map(|leg| stage.n_states(leg) as u8 - 1).collect();
     is_assembled(stage, &vec![0; extended.len()]) && is_assembled(stage, &extended)
 }
@@ -71,15 +71,15 @@ impl Problem<'_> {
     /// every setting; where none of them is, at rest and fully extended. `None` where even that cannot be.
     pub(super) fn assembled(&mut self, mut unknowns: DVector<f64>) -> Option<DVector<f64>> {
         for stage in 0..self.base_line().model.chain.stages.len() {
-            let is_whole = |stage: &Stage<f64>| lacking(stage).is_empty();
-            if self.holds(&unknowns, stage, is_whole) {
+            let is_complete = |stage: &Stage<f64>| without_pose_of(stage).is_empty();
+            if self.holds(&unknowns, stage, is_complete) {
                 continue;
             }
-            let repaired = self.with_free_stops(&unknowns, stage, is_whole);
+            let repaired = self.with_free_stops(&unknowns, stage, is_complete);
             unknowns = match repaired {
                 Some(repaired) => repaired,
-                None if self.holds(&unknowns, stage, stands) => unknowns,
-                None => self.with_free_stops(&unknowns, stage, stands)?,
+                None if self.holds(&unknowns, stage, has_needed_poses) => unknowns,
+                None => self.with_free_stops(&unknowns, stage, has_needed_poses)?,
             };
         }
         Some(unknowns)
@@ -106,8 +106,8 @@ impl Problem<'_> {
                 let mut drawn = unknowns.clone();
                 free.iter().for_each(|&stop| drawn[stop] *= 1.0 + deviation * normal());
                 let altered = self.alteration(&drawn);
-                let is_least = best.as_ref().is_none_or(|(least, _)| altered < *least);
-                if is_least && self.keeps_bounds(&drawn) && self.holds(&drawn, stage, &is_enough) {
+                let is_smaller = best.as_ref().is_none_or(|(smallest, _)| altered < *smallest);
+                if is_smaller && self.keeps_bounds(&drawn) && self.holds(&drawn, stage, &is_enough) {
                     best = Some((altered, drawn));
                 }
             }

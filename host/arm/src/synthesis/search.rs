@@ -59,11 +59,11 @@ pub(super) fn solve(problem: &mut Problem, options: &Options) -> Result<Found, S
             }
         }
         if let Some(solved) = ends.pop_if(|(error, _)| *error < SOLVED) {
-            let least = search.minimise_change(solved.1);
-            if let Some(unknowns) = search.problem.assembled(least.clone()) {
+            let closest_solution = search.minimise_change(solved.1);
+            if let Some(unknowns) = search.problem.assembled(closest_solution.clone()) {
                 return Ok(Found { unknowns, iterations: search.iterations, starts });
             }
-            incomplete.get_or_insert(least);
+            incomplete.get_or_insert(closest_solution);
         }
         if options.handle.is_ended() {
             break;

@@ -331,9 +331,9 @@ fn health_lines(health: &Health) -> Vec<String> {
 fn supply_line(health: &Health) -> Option<String> {
     let volts = |mv: u16| format!("{:.2} V", 1e-3 * f64::from(mv));
     match (health.supply_mv.map(volts), health.min_supply_mv.map(volts)) {
-        (Some(supply), Some(least)) => Some(format!("supply    {supply}, at least {least} by the profile")),
+        (Some(supply), Some(min)) => Some(format!("supply    {supply}, at least {min} by the profile")),
         (Some(supply), None) => Some(format!("supply    {supply}")),
-        (None, Some(least)) => Some(format!("supply    not measured, at least {least} by the profile")),
+        (None, Some(min)) => Some(format!("supply    not measured, at least {min} by the profile")),
         (None, None) => None,
     }
 }

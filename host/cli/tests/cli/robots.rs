@@ -32,7 +32,9 @@ fn postures_are_found_by_populations_and_all_of_them_are_listed() {
     let (home, puma) = (Home::new(), example("puma560.toml"));
     let found = home.json(&format!("ik {puma} --to 400,150,900 --method cma-es --tolerance 1"));
     assert_eq!((&found["answers"][0]["method"], &found["answers"][0]["status"]), (&"cma-es".into(), &"reached".into()));
-    let all = home.json(&format!("ik {puma} --to 400,150,900 --rotation 0,127.279220613578,127.279220613578 --all --plot all.svg"));
+    let all = home.json(&format!(
+        "ik {puma} --to 400,150,900 --rotation 0,127.279220613578,127.279220613578 --all --plot all.svg"
+    ));
     let postures = all["postures"].as_array().unwrap();
     assert!(all["freedom"] == 0 && postures.len() > 1, "{all}");
     assert!(std::fs::read_to_string(home.path("all.svg")).unwrap().starts_with("<svg"));

@@ -1,4 +1,4 @@
-//! A body that adds what its joint's own angle tells: a spring balancer of that joint does the same.
+//! A body that adds what its joint's own angle gives: a spring balancer of that joint does the same.
 //!
 //! On an upright axis, or where nothing else moves, the weight of a link is a torque a·sin q + b·cos q of one joint. So is that of
 //! a spring on a lever, or of a counterweight: no motion distinguishes them, but by the inertia of the body where the rows show it.

@@ -12,7 +12,7 @@ use super::{Array, Room};
 use crate::import::error::Fault;
 use darm_robot::files::Limits;
 
-/// Longest header: NumPy itself evaluates no more than 10 000 characters unless it is told to. What is parsed takes tens of times
+/// Longest header: NumPy itself evaluates no more than 10 000 characters without an option. What is parsed takes tens of times
 /// its text.
 const MAX_HEADER: usize = 1 << 16;
 /// Most dimensions, those that NumPy 1 has (`NPY_MAXDIMS`).
