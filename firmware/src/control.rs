@@ -32,12 +32,20 @@ use darm_core::wire::message::OutputState;
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 
-use crate::hardware::Converted;
 use crate::inputs::InputLog;
 use crate::ring::Ring;
 use button::Button;
 use order::summary;
 pub use order::{Order, Outcome, Snapshot, Summary, Unloaded};
+
+/// What the converter of a board gave.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Converted {
+    /// Supply of the board, mV; 0 where it gave nothing.
+    SupplyMv(u16),
+    /// Temperature of the chip.
+    ChipCelsius(Option<i16>),
+}
 
 /// Time from one control tick to the next.
 pub const TICK: Micros = Micros::from_millis(1);

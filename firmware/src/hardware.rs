@@ -29,6 +29,7 @@ use static_cell::StaticCell;
 
 use crate::app::{Inbox, serve, work};
 use crate::clock::Clock;
+pub use crate::control::Converted;
 use crate::control::{Inputs, Shared};
 use crate::dispatch::{BUILD, Board, Dispatcher};
 use crate::kept::{Kept, forget_crashes};
@@ -100,15 +101,6 @@ pub trait Hardware: Sized + 'static {
 
     /// Memory that start-up code neither clears nor fills.
     fn kept() -> &'static Kept;
-}
-
-/// What the converter of a board gave.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Converted {
-    /// Supply of the board, mV; 0 where it gave nothing.
-    SupplyMv(u16),
-    /// Temperature of the chip.
-    ChipCelsius(Option<i16>),
 }
 
 /// The pins of the control tick.
