@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::{Context as _, Result, bail};
-use darm_figures::compare::{Comparison, Renamed, folders};
+use darm_figures::compare::{Comparison, folders};
 use darm_figures::figure::goals;
 use darm_figures::items::{self, Job};
 use darm_figures::measured;
@@ -72,14 +72,11 @@ pub(crate) struct Compare {
     before: PathBuf,
     /// Folder with files of the same names after it
     after: PathBuf,
-    /// Names of rows that were changed on purpose: the table `figures` of this file
-    #[arg(long, value_name = "FILE", default_value_os_t = root().join("docs/renamed-keys.toml"))]
-    map: PathBuf,
 }
 
 impl Compare {
     pub(crate) fn run(&self) -> Result<()> {
-        let comparison = folders(&self.before, &self.after, &Renamed::read(&self.map)?)?;
+        let comparison = folders(&self.before, &self.after)?;
         comparison.differences.iter().for_each(|difference| println!("{difference}"));
         let Comparison { equal, left_out, new, .. } = &comparison;
         println!("{equal} rows agree, {left_out} are times and left out, {new} are new");

@@ -1,14 +1,13 @@
 //! Two folders of figure files, before and after a change that is not to change them.
 //!
-//! Rows are matched by file and name; a map has the names that were changed on purpose. Names, units, verdicts and
-//! integers are to be identical, instruction counts within 1 %, other numbers within 1e-6 relative. Times, and what a
-//! search reaches in a given time, are left out. A row that is missing after the change is a difference, a new one is
-//! not.
+//! Rows are matched by file and name. Names, units, verdicts and integers are to be identical, instruction counts within
+//! 1 %, other numbers within 1e-6 relative. Times, and what a search reaches in a given time, are left out. A row that is
+//! missing after the change is a difference, a new one is not.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use anyhow::{Context as _, Result, bail, ensure};
+use anyhow::{Context as _, Result, bail};
 
 use crate::figure::{Figure, Figures};
 
@@ -20,38 +19,6 @@ const TIMED: [&str; 2] = [", the same time:", " over Pinocchio's"];
 const INSTRUCTIONS: &str = "instructions";
 const INSTRUCTIONS_REL: f64 = 1e-2;
 const NUMBER_REL: f64 = 1e-6;
-
-/// Names before a change and after it.
-#[derive(Clone, Debug, Default)]
-pub struct Renamed(BTreeMap<String, String>);
-
-impl Renamed {
-    /// The table `[figures]` of a file such as `docs/renamed-keys.toml`.
-    ///
-    /// # Errors
-    ///
-    /// The file cannot be read, or two names become one.
-    pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).with_context(|| format!("{} cannot be read", path.display()))?;
-        Self::parse(&text).with_context(|| path.display().to_string())
-    }
-
-    fn parse(text: &str) -> Result<Self> {
-        let file: toml::Table = text.parse()?;
-        let mut names = BTreeMap::new();
-        for (before, after) in file.get("figures").and_then(toml::Value::as_table).into_iter().flatten() {
-            let after =
-                after.as_str().with_context(|| format!("[figures]: the new name of {before:?} is not a text"))?;
-            ensure!(!names.values().any(|name| name == after), "[figures]: two names become {after:?}");
-            names.insert(before.clone(), after.to_owned());
-        }
-        Ok(Self(names))
-    }
-
-    fn after<'a>(&'a self, before: &'a str) -> &'a str {
-        self.0.get(before).map_or(before, String::as_str)
-    }
-}
 
 /// What was compared.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -71,13 +38,13 @@ pub struct Comparison {
 /// # Errors
 ///
 /// A folder has no figures, or a file is not one of figures.
-pub fn folders(before: &Path, after: &Path, renamed: &Renamed) -> Result<Comparison> {
+pub fn folders(before: &Path, after: &Path) -> Result<Comparison> {
     let (before, after) = (read(before)?, read(after)?);
     let mut comparison = Comparison::default();
     let names: BTreeSet<&String> = before.keys().chain(after.keys()).collect();
     for name in names {
         match (before.get(name), after.get(name)) {
-            (Some(before), Some(after)) => comparison.file(name, before, after, renamed),
+            (Some(before), Some(after)) => comparison.file(name, before, after),
             (Some(_), None) => comparison.differences.push(format!("{name}: missing after")),
             (None, _) => comparison.new += 1,
         }
@@ -101,9 +68,9 @@ fn read(folder: &Path) -> Result<BTreeMap<String, Figures>> {
 }
 
 impl Comparison {
-    fn file(&mut self, file: &str, before: &Figures, after: &Figures, renamed: &Renamed) {
-        let old = self.by_name(file, "before", before, |name| renamed.after(name).to_owned());
-        let new = self.by_name(file, "after", after, str::to_owned);
+    fn file(&mut self, file: &str, before: &Figures, after: &Figures) {
+        let old = self.by_name(file, "before", before);
+        let new = self.by_name(file, "after", after);
         for name in old.keys().chain(new.keys()).collect::<BTreeSet<_>>() {
             match (old.get(name), new.get(name)) {
                 (Some(old), Some(new)) => self.row(&format!("{file}: {name}"), old, new),
@@ -118,11 +85,10 @@ impl Comparison {
         file: &str,
         when: &str,
         figures: &'f Figures,
-        name: impl Fn(&str) -> String,
-    ) -> BTreeMap<String, &'f Figure> {
+    ) -> BTreeMap<&'f str, &'f Figure> {
         let mut rows = BTreeMap::new();
         for row in &figures.rows {
-            if rows.insert(name(&row.name), row).is_some() {
+            if rows.insert(row.name.as_str(), row).is_some() {
                 self.differences.push(format!("{file}: two rows have the name {:?} {when}", row.name));
             }
         }
@@ -181,7 +147,7 @@ mod tests {
 
     fn compared(before: &[(&str, f64, &str)], after: &[(&str, f64, &str)]) -> Comparison {
         let mut comparison = Comparison::default();
-        comparison.file("a.json", &rows(before), &rows(after), &Renamed::default());
+        comparison.file("a.json", &rows(before), &rows(after));
         comparison
     }
 
@@ -242,18 +208,8 @@ mod tests {
         let (mut old, mut new) = (rows(&[("a", 1.0, "")]), rows(&[("a", 1.0, "")]));
         (old.rows[0].met, new.rows[0].met) = (Some(true), Some(false));
         let mut comparison = Comparison::default();
-        comparison.file("a.json", &old, &new, &Renamed::default());
+        comparison.file("a.json", &old, &new);
         assert_eq!(comparison.differences, ["a.json: a: goal met -> missed"]);
-    }
-
-    #[test]
-    fn renamed_rows_are_matched() {
-        let renamed = Renamed::parse("[figures]\n\"old\" = \"new\"\n").unwrap();
-        let mut comparison = Comparison::default();
-        comparison.file("a.json", &rows(&[("old", 1.0, "")]), &rows(&[("new", 1.0, "")]), &renamed);
-        assert_eq!((comparison.equal, comparison.differences.len()), (1, 0));
-        assert!(Renamed::parse("[figures]\n\"a\" = \"c\"\n\"b\" = \"c\"\n").is_err());
-        assert!(Renamed::parse("[figures]\n\"a\" = 1\n").is_err());
     }
 
     #[test]
@@ -264,11 +220,11 @@ mod tests {
         std::fs::create_dir(&after).unwrap();
         rows(&[("a", 1.0, "")]).write(&before.join("a.json")).unwrap();
         rows(&[("a", 1.0, "")]).write(&before.join("b.json")).unwrap();
-        assert!(folders(&before, &after, &Renamed::default()).is_err());
+        assert!(folders(&before, &after).is_err());
         rows(&[("a", 1.0, "")]).write(&after.join("a.json")).unwrap();
-        let found = folders(&before, &after, &Renamed::default()).unwrap();
+        let found = folders(&before, &after).unwrap();
         assert_eq!(found.differences, ["b.json: missing after"]);
         std::fs::write(after.join("b.json"), "{\"rows\": [{\"name\": \"a\"}]}").unwrap();
-        assert!(folders(&before, &after, &Renamed::default()).is_err());
+        assert!(folders(&before, &after).is_err());
     }
 }

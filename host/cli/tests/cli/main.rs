@@ -17,7 +17,6 @@ mod files;
 mod formats;
 mod hostile;
 mod import;
-mod json_keys;
 mod limits;
 mod logs;
 mod measurements;
