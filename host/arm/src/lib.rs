@@ -6,6 +6,7 @@ pub mod draw;
 pub mod image;
 pub mod plan;
 pub mod reach;
+mod stage_settings;
 pub mod stops;
 pub mod synthesis;
 pub mod table_file;

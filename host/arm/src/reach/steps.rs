@@ -1,9 +1,10 @@
 //! What each stage of an arm does to the frame that it is mounted on.
 
-use darm_core::actuator::{MAX_LEGS, Setting, Stage};
+use darm_core::actuator::Stage;
 use darm_core::se::{Pose, Twist};
 
 use crate::arm::Arm;
+use crate::stage_settings::{pose, settings};
 
 /// What one stage does to the frame that it is mounted on.
 pub(super) enum Step {
@@ -23,21 +24,6 @@ fn step(stage: &Stage<f64>) -> Step {
     if let Stage::Servo(joint) = stage {
         return Step::Servo { axis: joint.axis.twist(), offset: joint.offset };
     }
-    let count = (0..stage.n_actuators()).map(|leg| stage.n_states(leg)).product();
-    Step::Poses((0..count).filter_map(|index| pose(stage, index)).collect())
-}
-
-/// The digits of the setting with this index, the first digit changing fastest, and the pose of the stage in it.
-fn pose(stage: &Stage<f64>, index: usize) -> Option<(Vec<u8>, Pose<f64>)> {
-    let legs = stage.n_actuators();
-    let mut rest = index;
-    let mut settings = [Setting::of_joint(0.0); MAX_LEGS];
-    let mut digits = Vec::with_capacity(legs);
-    for (leg, setting) in settings.iter_mut().enumerate().take(legs) {
-        let digit = (rest % stage.n_states(leg)) as u8;
-        rest /= stage.n_states(leg);
-        *setting = stage.setting(leg, digit)?;
-        digits.push(digit);
-    }
-    Some((digits, stage.pose(&settings).ok()?))
+    let assembled = settings(stage).filter_map(|digits| pose(stage, &digits).map(|pose| (digits, pose)));
+    Step::Poses(assembled.collect())
 }

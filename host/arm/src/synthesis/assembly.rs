@@ -3,7 +3,7 @@
 //! The frames say nothing of these stops. Where the others have moved far they may leave a module without a pose at rest, which is no
 //! arm, or in other words, which no table could then use.
 
-use darm_core::actuator::{MAX_LEGS, Setting, Stage};
+use darm_core::actuator::Stage;
 use darm_core::chain::Parameter;
 use nalgebra::DVector;
 use rand::SeedableRng;
@@ -12,6 +12,7 @@ use rand_distr::{Distribution, StandardNormal};
 
 use super::problem::Problem;
 use crate::arm::Arm;
+use crate::stage_settings::{pose, settings};
 
 /// Sizes of alterations that are tried, from small to large, and draws of each.
 const SIZES: u32 = 64;
@@ -36,34 +37,16 @@ pub fn without_pose(arm: &Arm) -> Vec<WithoutPose> {
 }
 
 fn without_pose_of(stage: &Stage<f64>) -> Vec<Vec<u8>> {
-    let is_platform = matches!(stage, Stage::Planar(_) | Stage::Spatial(_));
-    let count = if is_platform { (0..stage.n_actuators()).map(|leg| stage.n_states(leg)).product() } else { 0 };
-    (0..count).map(|index| digits(stage, index)).filter(|digits| !is_assembled(stage, digits)).collect()
-}
-
-/// The digits of the setting with this index, the first digit changing fastest.
-fn digits(stage: &Stage<f64>, mut index: usize) -> Vec<u8> {
-    let digit = |leg| {
-        let digit = index % stage.n_states(leg);
-        index /= stage.n_states(leg);
-        digit as u8
-    };
-    (0..stage.n_actuators()).map(digit).collect()
-}
-
-fn is_assembled(stage: &Stage<f64>, digits: &[u8]) -> bool {
-    let mut settings = [Setting::of_joint(0.0); MAX_LEGS];
-    for (leg, (setting, &digit)) in settings.iter_mut().zip(digits).enumerate() {
-        let Some(own) = stage.setting(leg, digit) else { return false };
-        *setting = own;
+    match stage {
+        Stage::Planar(_) | Stage::Spatial(_) => settings(stage).filter(|digits| pose(stage, digits).is_none()).collect(),
+        _ => Vec::new(),
     }
-    stage.pose(&settings).is_ok()
 }
 
 /// What a module has to do in any case: an arm without a pose at rest or fully extended cannot be read from its file.
 fn has_needed_poses(stage: &Stage<f64>) -> bool {
     let extended: Vec<u8> = (0..stage.n_actuators()).map(|leg| stage.n_states(leg) as u8 - 1).collect();
-    is_assembled(stage, &vec![0; extended.len()]) && is_assembled(stage, &extended)
+    pose(stage, &vec![0; extended.len()]).is_some() && pose(stage, &extended).is_some()
 }
 
 impl Problem<'_> {
