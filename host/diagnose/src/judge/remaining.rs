@@ -206,18 +206,7 @@ fn is_same_posture(experiment: &Experiment, at: &[usize]) -> bool {
 
 /// The dependence of an axis on its row before, which explains `share` of the mean square.
 fn on_row_before(axis: &Axis, share: f64) -> Dependence {
-    Dependence {
-        axis: Some(axis.name.clone()),
-        regressor: Regressor::RowBefore,
-        variable: Regressor::RowBefore.to_string(),
-        shape: Shape::Straight,
-        frame: None,
-        share,
-        p: None,
-        held_out_gain: None,
-        curve: Vec::new(),
-        terms: Vec::new(),
-    }
+    Dependence { axis: Some(axis.name.clone()), ..Dependence::of_share(Regressor::RowBefore, share) }
 }
 
 /// The axes that prove something, with their numbers.

@@ -195,19 +195,7 @@ fn is_halved(experiment: &Experiment, after: &[f64]) -> bool {
 /// What rows under the same conditions share and no channel that was tried explains: each condition is off by its own.
 fn by_condition(left: &[AxisLeft]) -> Dependence {
     let ratio = left.iter().map(|axis| axis.ratio).sum::<f64>() / left.len().max(1) as f64;
-    let share = 1.0 - ratio.max(1.0).recip();
-    Dependence {
-        axis: None,
-        regressor: Regressor::Condition,
-        variable: Regressor::Condition.to_string(),
-        shape: Shape::Straight,
-        frame: None,
-        share,
-        p: None,
-        held_out_gain: None,
-        curve: Vec::new(),
-        terms: Vec::new(),
-    }
+    Dependence::of_share(Regressor::Condition, 1.0 - ratio.max(1.0).recip())
 }
 
 /// The moment at which several joints change at once: that is one cause, such as what the tool carries, and no law of each of them.
@@ -221,16 +209,9 @@ fn event(experiment: &Experiment, effects: &[Effect]) -> Option<Dependence> {
     let is_together = |a: &f64| moments.iter().filter(|b| (*a - **b).abs() < AT_ONCE * length_s).count() > 1;
     let moment = moments.iter().find(|moment| is_together(moment))?;
     Some(Dependence {
-        axis: None,
-        regressor: Regressor::Time,
         variable: format!("time, at several joints from {moment:.1} s after the start on"),
         shape: Shape::Step,
-        frame: None,
-        share: 1.0,
-        p: None,
-        held_out_gain: None,
-        curve: Vec::new(),
-        terms: Vec::new(),
+        ..Dependence::of_share(Regressor::Time, 1.0)
     })
 }
 

@@ -60,6 +60,22 @@ pub struct Dependence {
 }
 
 impl Dependence {
+    /// A straight one of several axes, of which nothing but its share is known.
+    pub(crate) fn of_share(regressor: Regressor, share: f64) -> Self {
+        Self {
+            axis: None,
+            variable: regressor.to_string(),
+            regressor,
+            shape: Shape::Straight,
+            frame: None,
+            share,
+            p: None,
+            held_out_gain: None,
+            curve: Vec::new(),
+            terms: Vec::new(),
+        }
+    }
+
     /// Its axis, of a tool pose with the frame, as `y of the base`.
     pub fn direction(&self) -> String {
         let of = self.frame.map_or(String::new(), |frame| format!(" of the {}", frame_name_of(frame)));
