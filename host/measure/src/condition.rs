@@ -4,11 +4,11 @@ use serde::Serialize;
 
 use super::table::Table;
 
-/// Conditions, the units in which they are read, and how the names of columns in them end, the usual one first.
-const CONDITIONS: [(&str, &[&str], &[&str]); 3] = [
-    ("supply", &["Pa"], &["bar", "kpa", "pa"]),
-    ("temperature", &["°C"], &["c", "k"]),
-    ("load", &["kg"], &["kg", "g"]),
+/// Conditions, the unit in which they are read, and how the names of columns in them end, the usual one first.
+const CONDITIONS: [(&str, &str, &[&str]); 3] = [
+    ("supply", "Pa", &["bar", "kpa", "pa"]),
+    ("temperature", "°C", &["c", "k"]),
+    ("load", "kg", &["kg", "g"]),
 ];
 
 /// A condition that is not read.
@@ -26,8 +26,8 @@ pub struct UnreadCondition {
 
 /// The conditions that a table of visits has and that are not read.
 pub fn unread(table: &Table) -> Vec<UnreadCondition> {
-    let one = |&(quantity, read, units): &(&'static str, &[&str], &'static [&'static str])| {
-        let column = table.quantity(quantity).filter(|column| !read.contains(&column.unit))?;
+    let one = |&(quantity, read, units): &(&'static str, &str, &'static [&'static str])| {
+        let column = table.quantity(quantity).filter(|column| column.unit != read)?;
         let fault = if column.unit.is_empty() { "unit missing" } else { "unit of another quantity" };
         Some(UnreadCondition { column: column.name.clone(), quantity, fault, units })
     };
