@@ -194,7 +194,7 @@ impl items::Job for Outside {
 /// One log: drawn, planted, diagnosed, revealed.
 fn run(bench: &Bench, setting: Setting, seed: u64, clean: bool) -> Result<(Outcome, String)> {
     // Other settings have other generators at the same seed.
-    let number = settings().iter().position(|other| other.name() == setting.name()).unwrap_or_default() as u64;
+    let number = settings().iter().position(|other| other.name() == setting.name()).context("unknown setting")? as u64;
     let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x0075_1de0_0000 ^ number << 48);
     let times = TIMES.start * (TIMES.end / TIMES.start).powf(rng.random_range(0.0..1.0));
     let times = if clean { 0.0 } else { times };
