@@ -134,7 +134,7 @@ fn a_former_page_that_keeps_sending_does_not_keep_the_next_one_waiting() {
     let next = bench.page_in_control();
     let mut raw = first.0.get_ref().try_clone().unwrap();
     let trickle = thread::spawn(move || {
-        // A text of so many bytes, masked with zeros.
+        // The header of a text of `BYTES` bytes whose mask is zeros.
         raw.write_all(&[0x81, 0xfe, (BYTES >> 8) as u8, BYTES as u8, 0, 0, 0, 0]).unwrap();
         let is_sent = |_: &usize| {
             thread::sleep(Duration::from_millis(20));
