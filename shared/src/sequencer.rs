@@ -42,9 +42,11 @@ use switches::Switches;
 const TAKEN_A_TICK: usize = 12;
 /// A tick that comes later than this after the one before says nothing of the servos: the servo task stalled too.
 const LATE: Micros = Micros::from_millis(2);
-/// Measurements of the supply in a row that are below the threshold before that is a fault: with one each 10 ms a dip of 40 ms, such
-/// as that of a motor that starts, passes.
-const LOW_SUPPLIES: u8 = 5;
+/// What measurements of the supply below the threshold add up to before that is a fault, what each of them adds, and one that is not
+/// low takes off. With one each 10 ms a dip of 40 ms, such as that of a motor that starts, passes once in 0.8 s; a supply that
+/// collapses again and again, as one does that switches itself off at overload, does not.
+const MAX_LOW_SUPPLY: u8 = 100;
+const LOW_SUPPLY: u8 = 20;
 /// The approach may take this time.
 const APPROACH_TIMEOUT: Micros = Micros::from_millis(30_000);
 
@@ -70,7 +72,7 @@ pub struct Sequencer<'t> {
     emergency_stop: bool,
     /// The supply that was measured last, mV, and in how many measurements in a row it was below the threshold.
     supply_mv: u16,
-    low_supplies: u8,
+    low_supply: u8,
     /// A row began in this tick.
     has_begun_row: bool,
     now: Micros,
@@ -95,7 +97,7 @@ impl<'t> Sequencer<'t> {
             answered: [None; MAX_SERVOS],
             emergency_stop: false,
             supply_mv: 0,
-            low_supplies: 0,
+            low_supply: 0,
             has_begun_row: false,
             now: Micros(0),
             events: heapless::Deque::new(),
@@ -153,7 +155,7 @@ impl<'t> Sequencer<'t> {
         self.hold_since.get_or_insert(now);
         self.take_over(TAKEN_A_TICK);
         self.emergency_stop = self.profile.emergency_stop.is_some_and(|stop| stop.is_pressed(seen.switches));
-        self.count_low_supplies(seen);
+        self.weigh_supply(seen);
         let is_safe = matches!(self.phase, Phase::Safe(_));
         match self.check_inputs(seen).and_then(|()| self.advance(seen)) {
             Err(kind) if !is_safe => self.enter_safe(kind),
@@ -265,7 +267,7 @@ impl<'t> Sequencer<'t> {
         if self.emergency_stop {
             return Err(FaultKind::EmergencyStop);
         }
-        if let Some(min_mv) = self.profile.min_supply_mv.filter(|_| self.low_supplies >= LOW_SUPPLIES) {
+        if let Some(min_mv) = self.profile.min_supply_mv.filter(|_| self.low_supply >= MAX_LOW_SUPPLY) {
             return Err(FaultKind::Supply { mv: self.supply_mv, min_mv });
         }
         self.look_at_chain(seen)?;
@@ -292,11 +294,13 @@ impl<'t> Sequencer<'t> {
     }
 
     /// A supply that stays low latches the safe state again in the first tick after it was cleared.
-    fn count_low_supplies(&mut self, seen: &Seen) {
+    fn weigh_supply(&mut self, seen: &Seen) {
         let Some(mv) = seen.supply_mv else { return };
         self.supply_mv = mv;
         let is_low = self.profile.min_supply_mv.is_some_and(|min_mv| mv < min_mv);
-        self.low_supplies = if is_low { self.low_supplies.saturating_add(1) } else { 0 };
+        let changed =
+            if is_low { self.low_supply.saturating_add(LOW_SUPPLY) } else { self.low_supply.saturating_sub(1) };
+        self.low_supply = changed.min(MAX_LOW_SUPPLY);
     }
 
     /// What is between the board and the drivers.

@@ -40,9 +40,19 @@ fn four_low_measurements_pass_and_the_fifth_in_a_row_latches_the_safe_state() {
 fn single_dips_of_the_supply_latch_nothing() {
     let mut bench = driven();
     for _ in 0..100 {
-        measure(&mut bench, &[0, 0, 0, 0, MIN_MV]);
+        measure(&mut bench, &[0; 4]);
+        measure(&mut bench, &[MIN_MV; 80]);
     }
     assert_eq!(bench.fault(), None);
+}
+
+#[test]
+fn a_supply_that_collapses_again_and_again_latches_the_safe_state() {
+    let mut bench = driven();
+    measure(&mut bench, &[0, 0, 0, 0, MIN_MV, MIN_MV, MIN_MV, MIN_MV, 4_321]);
+    assert_eq!(bench.fault(), None, "it is low for 96 of 100");
+    measure(&mut bench, &[0]);
+    assert_eq!(bench.fault(), Some(FaultKind::Supply { mv: 0, min_mv: MIN_MV }));
 }
 
 #[test]
