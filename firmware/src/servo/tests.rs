@@ -194,13 +194,32 @@ fn a_servo_without_torque_gets_none_by_holding() {
 }
 
 #[test]
-fn an_unchanged_target_is_written_again_only_now_and_then() {
+fn a_target_is_written_again_when_the_servo_has_lost_its_registers() {
     let (fake, shared, clock) = (Fake::new(), Shared::new(), HandClock::default());
     shared.set_joints([joint(0.5), None, None, None]);
-    visit(&fake, &shared, &clock, 1 + u32::from(REWRITE_VISITS));
-    assert_eq!(fake.writes.get(), 1);
-    visit(&fake, &shared, &clock, 2 + u32::from(REWRITE_VISITS));
-    assert_eq!(fake.writes.get(), 3);
+    let mut bus = Bus::new(&fake, &fake, &clock);
+    let visits = async {
+        for lost in [false, true] {
+            if lost {
+                fake.registers.borrow_mut()[40..50].fill(0);
+            }
+            for _ in 0..2 * (2 + u32::from(REWRITE_VISITS)) {
+                bus.visit_all(&shared).await;
+            }
+            assert_eq!((fake.writes.get(), fake.registers.borrow()[40]), (1 + u32::from(lost), 1));
+        }
+    };
+    run(visits, || clock.0.set(clock.0.get() + 100));
+}
+
+/// Its answer says that all is well, as it does where damage on the way has kept the sum of the request.
+#[test]
+fn a_target_that_a_servo_has_not_taken_is_written_again_in_the_next_visit() {
+    let (fake, shared, clock) = (Fake::new(), Shared::new(), HandClock::default());
+    fake.untaken.set(2);
+    shared.set_joints([joint(0.5), None, None, None]);
+    visit(&fake, &shared, &clock, 4);
+    assert_eq!((fake.registers.borrow()[42..44].to_vec(), fake.writes.get()), (steps(0.5).to_le_bytes().to_vec(), 3));
 }
 
 /// One that does not answer takes the bus 22 ms, in which the next one would move on. Lost answers make no difference: it may go
