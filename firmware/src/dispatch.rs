@@ -27,7 +27,7 @@ use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 
 use crate::clock::Clock;
-use crate::control::{Numbered, Order, Outcome, Shared};
+use crate::control::{Numbered, Order, Outcome, Shared, Snapshot};
 use crate::kept::{Kept, past};
 use crate::log::{EventLog, LogMemory};
 use crate::servo::CYCLE;
@@ -409,13 +409,19 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
         }
     }
 
-    /// Nothing runs and no servo moves: while a flash is written or the board restarts nobody looks after a servo.
-    async fn require_idle(&self) -> Result<(), Refusal> {
+    /// Waits until the servos that a stop, or a start, is to hold have their orders.
+    async fn stopped(&self) -> Result<Snapshot, Refusal> {
         let mut now = self.snapshot().await?;
         while now.is_stopping {
             self.clock.wait_until(self.clock.now() + CYCLE).await;
             now = self.snapshot().await?;
         }
+        Ok(now)
+    }
+
+    /// Nothing runs and no servo moves: while a flash is written or the board restarts nobody looks after a servo.
+    async fn require_idle(&self) -> Result<(), Refusal> {
+        let now = self.stopped().await?;
         match now.phase {
             Phase::Idle | Phase::Safe(_) if now.is_moving => Err(Refusal::Busy),
             Phase::Idle | Phase::Safe(_) => Ok(()),

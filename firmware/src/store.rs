@@ -4,15 +4,16 @@
 //! |--------------------------------|----------------------------------------------------------------------|
 //! | 0 to 64 KiB                    | slot A: a table image                                                |
 //! | 64 to 128 KiB                  | slot B: a table image                                                |
-//! | 128 to 144 KiB                 | records: which slots are valid, calibration, number of starts        |
+//! | 128 to 144 KiB                 | records: valid slots, calibration, number of starts, newest versions |
 //! | 144 to 148 KiB                 | slots A and B of the board profile, a page each                      |
 //!
 //! Where a page is longer than 2 KiB, a profile's slot is as long as a page.
 //!
 //! An upload fills the slot that is not valid. Writing the record that names it is the commit: before, the old image
 //! is there, after it the new one, and the records survive a power cut at any byte. The record carries length, digest
-//! and model of the image, so a slot is believed only when its bytes agree. These records and the calibration are written
-//! twice: one that is damaged reads as none, and would leave the board with no offsets or no profile.
+//! and model of the image, so a slot is believed only when its bytes agree. Each record is written twice: one that is damaged
+//! reads as none, and would leave the board with no offsets or no profile. Where both copies are, the record is lost, and no older
+//! one is taken for it ([`newest`]).
 //!
 //! Records that cannot be read (a failed part, or what another program has left) are erased by the next upload of a profile. Until
 //! then there is no table and no profile; what is erased with them is the calibration.
@@ -27,6 +28,7 @@
 mod doubled;
 mod error;
 mod layout;
+mod newest;
 mod read;
 mod upload;
 
@@ -41,7 +43,8 @@ use serde::{Deserialize, Serialize};
 
 pub use error::{LoadError, StorageError, UploadError};
 pub use layout::{FLASH_BYTES, PROFILE_BYTES, SLOT_BYTES, flash_bytes, slot_bytes};
-use layout::{KEY_BOOTS, KEY_CALIBRATION, RECORDS, Slot, valid_key};
+use layout::{KEY_CALIBRATION, KEY_NEWEST, RECORDS, Slot, valid_key};
+use newest::Newest;
 use upload::{BLOCK, Upload};
 
 /// The record that makes a slot valid.
@@ -57,6 +60,7 @@ pub struct Store<F: NorFlash> {
     table: Option<Valid>,
     profile: Option<Valid>,
     upload: Option<Upload>,
+    newest: Newest,
     /// The records could not be read: a new upload erases them.
     unreadable: bool,
     /// There was a profile, or may have been one, and none is valid.
@@ -71,7 +75,12 @@ impl<F: NorFlash> Store<F> {
         const { assert!(PROFILE_BYTES.is_multiple_of(F::ERASE_SIZE) || F::ERASE_SIZE.is_multiple_of(PROFILE_BYTES)) };
         let records = MapStorage::new(flash, const { MapConfig::new(RECORDS) }, Cache::new_uncached());
         let (unreadable, is_profile_lost) = (false, false);
-        let mut store = Self { records, table: None, profile: None, upload: None, unreadable, is_profile_lost };
+        let newest = Newest::default();
+        let mut store = Self { records, table: None, profile: None, upload: None, newest, unreadable, is_profile_lost };
+        match store.repair::<Newest>(KEY_NEWEST).await {
+            Ok(newest) => store.newest = newest.unwrap_or_default(),
+            Err(StorageError) => store.unreadable = true,
+        }
         for kind in [ImageKind::Table, ImageKind::Profile] {
             match store.repair::<Valid>(valid_key(kind)).await {
                 Ok(valid) => *store.valid_mut(kind) = valid,
@@ -122,18 +131,23 @@ impl<F: NorFlash> Store<F> {
     ///
     /// The flash cannot be read or written.
     pub async fn count_boot(&mut self) -> Result<u32, StorageError> {
-        let boots = self.fetch::<u32>(KEY_BOOTS).await?.unwrap_or(0).saturating_add(1);
-        self.put(KEY_BOOTS, &boots).await?;
-        Ok(boots)
+        if self.unreadable {
+            return Err(StorageError);
+        }
+        let newest = Newest { starts: self.newest.starts.saturating_add(1), ..self.newest };
+        self.put_doubled(KEY_NEWEST, newest).await?;
+        self.newest = newest;
+        Ok(newest.starts)
     }
 
     /// The stored zero offsets.
     ///
     /// # Errors
     ///
-    /// The flash cannot be read.
+    /// The flash cannot be read, or the newest offsets are lost: older ones would turn the joints.
     pub async fn calibration(&mut self) -> Result<Option<Calibration>, StorageError> {
-        self.repair(KEY_CALIBRATION).await
+        let stored = self.repair(KEY_CALIBRATION).await?;
+        if stored.is_none() && *self.newest.version(KEY_CALIBRATION) > 0 { Err(StorageError) } else { Ok(stored) }
     }
 
     /// Stores the zero offsets.
@@ -142,7 +156,7 @@ impl<F: NorFlash> Store<F> {
     ///
     /// The flash cannot be written.
     pub async fn set_calibration(&mut self, calibration: Calibration) -> Result<(), StorageError> {
-        self.put_doubled(KEY_CALIBRATION, calibration).await
+        self.replace(KEY_CALIBRATION, calibration).await
     }
 
     /// Checks the complete image that has arrived and fills `table` from it. Nothing is committed yet.
@@ -185,7 +199,7 @@ impl<F: NorFlash> Store<F> {
     pub async fn commit(&mut self) -> Result<(), UploadError> {
         let upload = self.upload.take().ok_or(UploadError::NoUpload)?;
         let kind = upload.image.kind;
-        let stored = self.put_doubled(valid_key(kind), Valid { slot: upload.slot, image: upload.image }).await;
+        let stored = self.replace(valid_key(kind), Valid { slot: upload.slot, image: upload.image }).await;
         // After an error only the flash knows whether the record is valid.
         *self.valid_mut(kind) = self.fetch_doubled(valid_key(kind)).await?;
         self.is_profile_lost &= self.profile.is_none();

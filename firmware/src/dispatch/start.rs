@@ -18,7 +18,6 @@ impl<'t, F: NorFlash, C: Clock> Dispatcher<'_, 't, F, C> {
         self.recall_writes();
         if let Some(flash) = flash {
             let mut store = Store::open(flash).await;
-            self.boots = store.count_boot().await.unwrap_or(0);
             match store.load_valid_profile(profile).await {
                 Ok(true) => match self.board.caps.check(profile) {
                     Ok(()) => self.profile = profile,
@@ -36,6 +35,11 @@ impl<'t, F: NorFlash, C: Clock> Dispatcher<'_, 't, F, C> {
             self.drive_nothing(profile, Refusal::Storage);
         }
         self.shared.ask(Order::Configure(self.profile)).await;
+        // While the flash is written nobody looks after a servo that an earlier run left on its way.
+        let _ = self.stopped().await;
+        if let Some(store) = &mut self.store {
+            self.boots = store.count_boot().await.unwrap_or(0);
+        }
         if !self.apply_calibration().await {
             self.calibration = Err(Refusal::NoCalibration);
         }

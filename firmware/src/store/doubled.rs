@@ -6,13 +6,13 @@ use serde::{Deserialize, Serialize};
 
 use super::Store;
 use super::error::StorageError;
-use super::layout::SECOND;
+use super::layout::{KEY_NEWEST, SECOND};
 
 /// A record that is written twice.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Doubled<V> {
     value: V,
-    /// How often it was written: where one copy is damaged or a power cut came between, the larger number holds.
+    /// How often it was written: where one copy is damaged or a power cut came between, the larger number holds. From 1.
     version: u32,
 }
 
@@ -29,7 +29,7 @@ impl<'a, V: Serialize + Deserialize<'a>> Value<'a> for Doubled<V> {
     }
 }
 
-pub(super) fn newer<V>([first, second]: [Option<Doubled<V>>; 2]) -> Option<Doubled<V>> {
+fn newer<V>([first, second]: [Option<Doubled<V>>; 2]) -> Option<Doubled<V>> {
     match (first, second) {
         (Some(first), Some(second)) => Some(if first.version < second.version { second } else { first }),
         (first, second) => first.or(second),
@@ -37,11 +37,13 @@ pub(super) fn newer<V>([first, second]: [Option<Doubled<V>>; 2]) -> Option<Doubl
 }
 
 impl<F: NorFlash> Store<F> {
+    /// The newest record; `None` also where that one is lost and an older one is left.
     pub(super) async fn fetch_doubled<V>(&mut self, key: u8) -> Result<Option<V>, StorageError>
     where
         V: Serialize + for<'a> Deserialize<'a>,
     {
-        Ok(newer(self.copies::<V>(key).await?).map(|doubled| doubled.value))
+        let copies = self.copies(key).await?;
+        Ok(self.newest_of(key, copies).map(|doubled| doubled.value))
     }
 
     /// Reads a record, and writes it again where one copy is damaged or older: after a power cut, for example.
@@ -50,32 +52,52 @@ impl<F: NorFlash> Store<F> {
         V: Copy + PartialEq + Serialize + for<'a> Deserialize<'a>,
     {
         let copies = self.copies::<V>(key).await?;
-        let Some(newer) = newer(copies) else { return Ok(None) };
+        let Some(newest) = self.newest_of(key, copies) else { return Ok(None) };
         for (key, copy) in [key, key | SECOND].into_iter().zip(copies) {
-            if copy != Some(newer) {
+            if copy != Some(newest) {
                 // The other copy is good: what cannot be written now is tried again at the next start.
-                let _ = self.put(key, &newer).await;
+                let _ = self.put(key, &newest).await;
             }
         }
-        Ok(Some(newer.value))
+        Ok(Some(newest.value))
     }
 
-    pub(super) async fn copies<V>(&mut self, key: u8) -> Result<[Option<Doubled<V>>; 2], StorageError>
+    /// The newer one of two copies, unless a newer one than both was written.
+    fn newest_of<V>(&mut self, key: u8, copies: [Option<Doubled<V>>; 2]) -> Option<Doubled<V>> {
+        let version = self.newest.version(key);
+        let newest = newer(copies).filter(|newer| newer.version >= *version)?;
+        *version = newest.version;
+        Some(newest)
+    }
+
+    async fn copies<V>(&mut self, key: u8) -> Result<[Option<Doubled<V>>; 2], StorageError>
     where
         V: Serialize + for<'a> Deserialize<'a>,
     {
         Ok([self.fetch(key).await?, self.fetch(key | SECOND).await?])
     }
 
-    pub(super) async fn put_doubled<V>(&mut self, key: u8, value: V) -> Result<(), StorageError>
+    /// Replaces a record, and writes down that it is the newest.
+    pub(super) async fn replace<V>(&mut self, key: u8, value: V) -> Result<(), StorageError>
     where
         V: Serialize + for<'a> Deserialize<'a>,
     {
-        // What cannot be read is replaced.
-        let old = self.copies::<V>(key).await.ok().and_then(newer);
-        let version = old.map_or(0, |old| old.version.saturating_add(1));
+        let version = self.put_doubled(key, value).await?;
+        *self.newest.version(key) = version;
+        self.put_doubled(KEY_NEWEST, self.newest).await.map(|_| ())
+    }
+
+    /// Writes both copies; their version.
+    pub(super) async fn put_doubled<V>(&mut self, key: u8, value: V) -> Result<u32, StorageError>
+    where
+        V: Serialize + for<'a> Deserialize<'a>,
+    {
+        // What cannot be read is replaced. A copy that a power cut left alone is newer than the newest that is known.
+        let left = self.copies::<V>(key).await.ok().and_then(newer).map_or(0, |left| left.version);
+        let version = left.max(*self.newest.version(key)).saturating_add(1);
         let doubled = Doubled { value, version };
         self.put(key, &doubled).await?;
-        self.put(key | SECOND, &doubled).await
+        self.put(key | SECOND, &doubled).await?;
+        Ok(version)
     }
 }

@@ -23,18 +23,20 @@ pub const fn flash_bytes(erase_bytes: usize) -> usize {
 /// Bytes in use of a flash whose pages are no longer than a profile.
 pub const FLASH_BYTES: usize = flash_bytes(PROFILE_BYTES);
 
+pub(super) const KEY_TABLE: u8 = 4;
+pub(super) const KEY_PROFILE: u8 = 5;
 pub(super) const KEY_CALIBRATION: u8 = 6;
 
-pub(super) const KEY_BOOTS: u8 = 3;
+pub(super) const KEY_NEWEST: u8 = 3;
 
 /// This bit marks the key of a second copy.
 pub(super) const SECOND: u8 = 0x10;
 
-/// The record that names the valid slot. Keys 1 and 2 held records of protocol 1.
+/// The record that names the valid slot.
 pub(super) const fn valid_key(kind: ImageKind) -> u8 {
     match kind {
-        ImageKind::Table => 4,
-        ImageKind::Profile => 5,
+        ImageKind::Table => KEY_TABLE,
+        ImageKind::Profile => KEY_PROFILE,
     }
 }
 

@@ -169,6 +169,7 @@ fn an_empty_flash_holds_nothing() {
 fn no_damaged_byte_makes_a_record_absent() {
     let whole = with_table(1);
     assert!(upload_profile(&mut open(&whole, ENDLESS), 1) && upload_profile(&mut open(&whole, ENDLESS), 2));
+    (1..=3).for_each(|starts| assert_eq!(now(open(&whole, ENDLESS).count_boot()), Ok(starts)));
     let (mut kept, mut refused) = (0, 0);
     for at in 2 * SLOT_BYTES..2 * SLOT_BYTES + RECORDS_BYTES {
         let Some(cells) = whole.flipped(at) else { continue };
@@ -179,12 +180,47 @@ fn no_damaged_byte_makes_a_record_absent() {
             (true, Ok(stored)) => {
                 assert_eq!((stored, profile), (Some(calibration()), Ok(true)), "byte {at}");
                 assert_eq!(found.supply.new_coils, 2, "byte {at}");
+                assert_eq!(now(store.count_boot()), Ok(4), "byte {at}: a number of starts repeats its challenges");
                 kept += 1;
             }
             _ => refused += 1,
         }
     }
     assert!(kept > 100, "{kept} kept, {refused} refused");
+}
+
+/// The flash, with this bit of each copy of the newest record of these bytes flipped, counted from them.
+fn harmed(whole: &Cells, bytes: &[u8], bit: isize) -> Cells {
+    let cells = whole.copy();
+    cells.flip_copies(bytes, bit);
+    cells
+}
+
+/// A replaced record stays in the flash: it may have other limits, or other zeros.
+#[test]
+fn a_flipped_bit_in_each_copy_of_the_newest_record_brings_no_replaced_one_back() {
+    let whole = with_table(1);
+    (1..=2).for_each(|new_coils| assert!(upload_profile(&mut open(&whole, ENDLESS), new_coils)));
+    let newest = Calibration::try_from([0.5, 0.6, 0.7, 0.8]).unwrap();
+    now(open(&whole, ENDLESS).set_calibration(newest)).unwrap();
+    let of_profile = profile_image(&Profile { supply: SwitchLimit { new_coils: 2, window_ms: 10 }, ..profile() }).0;
+    let mut buffer = [0; 40];
+    let of_calibration = postcard::to_slice(&newest, &mut buffer).unwrap();
+    let (mut lost, item) = ([0, 0], -8 * 24..8 * 48);
+    for bit in item {
+        let cells = harmed(&whole, &of_profile.digest.0, bit);
+        let found = in_force(&cells);
+        assert!(matches!(found, InForce::Nothing | InForce::Stored(2)), "bit {bit}: {found:?}");
+        lost[0] += u32::from(found == InForce::Nothing);
+        assert!(upload_profile(&mut open(&cells, ENDLESS), 9), "bit {bit}");
+        assert_eq!(in_force(&cells), InForce::Stored(9), "bit {bit}");
+
+        let cells = harmed(&whole, of_calibration, bit);
+        let found = now(open(&cells, ENDLESS).calibration());
+        assert!(matches!(found, Err(StorageError)) || found == Ok(Some(newest)), "bit {bit}: {found:?}");
+        lost[1] += u32::from(found.is_err());
+    }
+    assert!(lost.iter().all(|lost| *lost > 8 * 20), "{lost:?}");
 }
 
 /// Uploads a profile and commits it; whether that was confirmed.

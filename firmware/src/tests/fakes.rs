@@ -200,13 +200,19 @@ impl Cells {
         cells[at + 3] ^= 1;
     }
 
-    /// Damages one bit of all copies of these bytes.
+    /// Damages all copies of these bytes.
     pub(crate) fn spoil_copies(&self, bytes: &[u8]) {
+        self.flip_copies(bytes, 8 * 3);
+    }
+
+    /// Flips the bit of this number, from the first one of these bytes, in or beside all copies of them.
+    pub(crate) fn flip_copies(&self, bytes: &[u8], bit: isize) {
         let mut cells = self.0.borrow_mut();
         let places: Vec<usize> =
             cells.windows(bytes.len()).enumerate().filter(|(_, window)| *window == bytes).map(|(at, _)| at).collect();
         assert_eq!(places.len(), 2, "two copies are stored");
-        places.into_iter().for_each(|at| cells[at + 3] ^= 1);
+        let (byte, bit) = (bit.div_euclid(8), bit.rem_euclid(8));
+        places.into_iter().for_each(|at| cells[at.strict_add_signed(byte)] ^= 1 << bit);
     }
 
     /// Whether the same bytes are in both.
