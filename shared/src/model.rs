@@ -100,15 +100,15 @@ impl<T: Real, const N: usize> Model<T, N> {
         }
         self.check_previous(condition)?;
         self.each_effect(condition, |effect, site, leg| {
-            effect.law().disturb(site, &mut scratch.settings[site.stage][leg]);
+            effect.disturb(site, &mut scratch.settings[site.stage][leg]);
         });
         for effect in &self.effects {
             if let Some(stage) = self.servo_stage(effect) {
-                effect.law().turn(&mut scratch.settings[stage][0]);
+                effect.turn(&mut scratch.settings[stage][0]);
             }
         }
         let unloaded = self.chain.assemble(scratch)?;
-        if self.effects.iter().any(|effect| effect.law().bears_load()) {
+        if self.effects.iter().any(|effect| effect.bears_load()) {
             self.settle(condition, scratch)?;
             return Ok(self.seen(scratch.pose_base_tool, condition));
         }
@@ -117,7 +117,7 @@ impl<T: Real, const N: usize> Model<T, N> {
 
     /// The stage of the servo joint that an effect acts on.
     pub fn servo_stage(&self, effect: &Effect<T>) -> Option<usize> {
-        match effect.law().place() {
+        match effect.place() {
             Place::Servo(servo) => self.chain.servo_stages().nth(servo.into()),
             _ => None,
         }
@@ -125,7 +125,7 @@ impl<T: Real, const N: usize> Model<T, N> {
 
     /// Where the tool is seen when the arm has it at `pose_base_tool`.
     pub fn seen(&self, pose_base_tool: Pose<T>, condition: &Condition<T>) -> Pose<T> {
-        self.effects.iter().fold(pose_base_tool, |pose, effect| effect.law().displace(pose, condition))
+        self.effects.iter().fold(pose_base_tool, |pose, effect| effect.displace(pose, condition))
     }
 
     /// Lets the loaded actuators give way until the arm is at rest; `scratch` holds it without load.
@@ -137,7 +137,7 @@ impl<T: Real, const N: usize> Model<T, N> {
             let mut moved = T::zero();
             let before = core::mem::replace(&mut scratch.settings, unloaded_settings);
             self.each_effect(condition, |effect, site, leg| {
-                scratch.settings[site.stage][leg].value += effect.law().deflection(site, loads[site.stage][leg]);
+                scratch.settings[site.stage][leg].value += effect.deflection(site, loads[site.stage][leg]);
             });
             for (stage, leg) in self.chain.actuators() {
                 moved = moved.max((scratch.settings[stage][leg].value - before[stage][leg].value).abs());
@@ -173,7 +173,7 @@ impl<T: Real, const N: usize> Model<T, N> {
     /// Calls `act` with every effect at every actuator that it acts on: the site, and its number in the stage.
     fn each_effect(&self, condition: &Condition<T>, mut act: impl FnMut(&Effect<T>, &Site<T>, usize)) {
         for (site, leg) in self.sites(condition) {
-            for effect in self.effects.iter().filter(|effect| effect.law().place().holds(&site)) {
+            for effect in self.effects.iter().filter(|effect| effect.place().holds(&site)) {
                 act(effect, &site, leg);
             }
         }
@@ -264,11 +264,6 @@ mod tests {
 
     use super::*;
     use crate::arms::{planar_arm, seeded, word};
-    use crate::effect::gravity_sag::GravitySag;
-    use crate::effect::play::Play;
-    use crate::effect::stroke_loss::StrokeLoss;
-    use crate::effect::supply_stroke::SupplyStroke;
-    use crate::effect::thermal_growth::ThermalGrowth;
 
     const COMPLIANCE: f64 = 1e-7;
 
@@ -277,8 +272,8 @@ mod tests {
         let mut model = Model::ideal(planar_arm());
         model.masses = [Mass { mass_kg: 2.0, center: Vector3::new(0.05, 0.02, 0.0) }; 4];
         model.payload = Mass { mass_kg: 3.0, center: Vector3::new(0.2, 0.1, 0.0) };
-        let sag = GravitySag { at: Place::Arm, compliance_m_per_n: COMPLIANCE };
-        model.effects = [Effect::from(sag)].into_iter().collect();
+        let sag = Effect::GravitySag { at: Place::Arm, compliance_m_per_n: COMPLIANCE };
+        model.effects = [sag].into_iter().collect();
         model
     }
 
@@ -286,10 +281,10 @@ mod tests {
     fn disturbed() -> Model<f64, 4> {
         let mut model = loaded();
         let more: [Effect<f64>; 4] = [
-            StrokeLoss { actuator: 4, state: 1, loss_m: 2e-3 }.into(),
-            Play { at: Place::Actuator(7), width_m: 1e-3 }.into(),
-            SupplyStroke { at: Place::Arm, gain: 0.05 }.into(),
-            ThermalGrowth { at: Place::Module(1), expansion_per_k: 2e-5 }.into(),
+            Effect::StrokeLoss { actuator: 4, state: 1, loss_m: 2e-3 },
+            Effect::Play { at: Place::Actuator(7), width_m: 1e-3 },
+            Effect::SupplyStroke { at: Place::Arm, gain: 0.05 },
+            Effect::ThermalGrowth { at: Place::Module(1), expansion_per_k: 2e-5 },
         ];
         more.into_iter().for_each(|effect| model.effects.push(effect).unwrap());
         model
@@ -346,7 +341,7 @@ mod tests {
         let mut moved = planar_arm();
         let stop = crate::chain::Parameter::Stop { actuator: 4, state: 1 };
         moved.set(stop, moved.get(stop).unwrap() - 2e-3).unwrap();
-        model.effects.push(StrokeLoss { actuator: 4, state: 1, loss_m: 2e-3 }.into()).unwrap();
+        model.effects.push(Effect::StrokeLoss { actuator: 4, state: 1, loss_m: 2e-3 }).unwrap();
         let expected = moved.pose_base_tool(&word, &[], &mut scratch).unwrap();
         assert_eq!(model.predict(&model.nominal(word, &[]), &mut scratch), Ok(expected));
     }

@@ -80,12 +80,7 @@ impl Comparison {
         }
     }
 
-    fn by_name<'f>(
-        &mut self,
-        file: &str,
-        when: &str,
-        figures: &'f Figures,
-    ) -> BTreeMap<&'f str, &'f Figure> {
+    fn by_name<'f>(&mut self, file: &str, when: &str, figures: &'f Figures) -> BTreeMap<&'f str, &'f Figure> {
         let mut rows = BTreeMap::new();
         for row in &figures.rows {
             if rows.insert(row.name.as_str(), row).is_some() {

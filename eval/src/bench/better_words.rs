@@ -8,7 +8,7 @@ use anyhow::{Context, Result};
 use darm_arm::arm::{Arm, ArmScratch};
 use darm_arm::reach::exact::{Index, Options};
 use darm_arm::reach::{best_words, corrected};
-use darm_core::effect::stroke_loss::StrokeLoss;
+use darm_core::effect::Effect;
 use darm_core::se::Pose;
 use darm_core::units::Word;
 use rand::{RngExt as _, SeedableRng as _};
@@ -56,8 +56,8 @@ impl Errors {
         let (actuator, state) = (random.random_range(0..nominal.n_actuators()), random.random_range(0..2u8));
         let loss_m = random.random_range(SHARES[0]..SHARES[1]) * stroke_m(nominal, actuator)?;
         let mut real = nominal.clone();
-        let loss = StrokeLoss { actuator: actuator as u8, state, loss_m };
-        real.model.effects.push(loss.into()).ok().context("an arm with one effect more")?;
+        let loss = Effect::StrokeLoss { actuator: actuator as u8, state, loss_m };
+        real.model.effects.push(loss).ok().context("an arm with one effect more")?;
         let index = Index::new(&real, &Options::of(&real))?;
         for _ in 0..FRAMES {
             let digits: Vec<u8> = (0..nominal.n_actuators()).map(|_| random.random_range(0..2)).collect();

@@ -90,7 +90,7 @@ impl Dictionary {
         let (effects, mut owner, mut columns, mut others) =
             (candidates(arm, end_s), Vec::new(), Vec::new(), Vec::new());
         for (index, effect) in effects.iter().enumerate() {
-            for value in 0..effect.law().values().len() {
+            for value in 0..effect.values().len() {
                 let Some(column) = seen.column(effect, value) else { continue };
                 let scale = 1.0 / root_mean_square(&column);
                 let other = unseen.column(effect, value).unwrap_or_else(|| vec![0.0; unseen_len(&held_out)]);
@@ -172,7 +172,7 @@ impl Dictionary {
         let kept = |effect: &usize| self.of(*effect).any(|column| solution[column] != 0.0);
         let mut named: Vec<Named> = (0..self.effects.len())
             .filter(kept)
-            .map(|effect| (self.effects[effect].law().name(), Place::of_arm(&self.effects[effect])))
+            .map(|effect| (self.effects[effect].name(), Place::of_arm(&self.effects[effect])))
             .collect();
         named.dedup();
         let parts: Vec<Named> = named.iter().map(|(law, place)| (*law, place.part())).collect();

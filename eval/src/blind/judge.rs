@@ -209,7 +209,7 @@ fn with_effects(arm: &Arm, effects: &[Effect<f64>]) -> ArmModel {
 /// The law at the place: the one that is known, or a new one.
 fn candidate(arm: &Arm, known: &[Effect<f64>], wanted: Named) -> Option<Effect<f64>> {
     let all = known.iter().copied().chain(all(&arm.model));
-    all.into_iter().find(|effect| (effect.law().name(), Place::of_arm(effect)) == wanted)
+    all.into_iter().find(|effect| (effect.name(), Place::of_arm(effect)) == wanted)
 }
 
 fn sigma(outcome: &Outcome<ArmCorrection>) -> [f64; 6] {
@@ -231,8 +231,8 @@ fn covered(arm: &Arm, blind: &Blind, outcome: &Outcome<ArmCorrection>) -> Result
     for (found, effect) in effects.iter().zip(truth.model.effects.iter()) {
         let at_its_place = blind.unseal().iter().any(|sealed| sealed.cause == Some((found.law, found.site.place)));
         for parameter in found.values.iter().filter(|_| at_its_place) {
-            let of_name = effect.law().quantities().iter().position(|quantity| quantity.name == parameter.name);
-            let Some(value) = of_name.map(|k| effect.law().values()[k]) else { continue };
+            let of_name = effect.quantities().iter().position(|quantity| quantity.name == parameter.name);
+            let Some(value) = of_name.map(|k| effect.values()[k]) else { continue };
             let Some([low, high]) = parameter.ci95 else { continue };
             counts[0] += usize::from(low <= value && value <= high);
             counts[1] += 1;
@@ -260,7 +260,7 @@ fn answer(outcome: &Outcome<ArmCorrection>) -> String {
         .map(|other| format!("({}) {} {}", other.instead_of, other.law, other.site));
     let first = outcome.diagnosis.remaining.depends_on.first();
     let variable = first.filter(|_| outcome.diagnosis.verdict == Verdict::UnexplainedStructure).map(|d| {
-        let best = outcome.correction.best_effects.iter().map(|e| format!("[{} {}]", e.law().name(), place_code(e)));
+        let best = outcome.correction.best_effects.iter().map(|e| format!("[{} {}]", e.name(), place_code(e)));
         format!("{} {}", d.variable, best.collect::<String>())
     });
     let all: Vec<String> = effects.chain(others).chain(variable).collect();

@@ -295,7 +295,7 @@ impl Elsewhere for Motions {
             (LawName::JointOffset, _) => vec!["offset"],
             (LawName::BaseTilt, _) => vec!["first turn across", "second turn across"],
             (LawName::MassDistribution, _) => INERTIAL_PARAMETERS.iter().map(|(name, _)| *name).collect(),
-            (_, Some(law)) => vec![law.basis_law().coefficient()],
+            (_, Some(law)) => vec![law.coefficient()],
             // Laws with separate constants are not known elsewhere.
             _ => return Ok(None),
         };

@@ -49,7 +49,7 @@ impl ArmCorrection {
         let mut corrected = arm.clone();
         corrected.model.effects = effects.iter().copied().collect();
         if let Some(end) = observations.end() {
-            corrected.model.effects.iter_mut().for_each(|effect| effect.law_mut().settle(&end));
+            corrected.model.effects.iter_mut().for_each(|effect| effect.settle(&end));
         }
         corrected.model.number += 1;
         let (supply, temperature_c) = run.settled();

@@ -45,7 +45,7 @@ pub enum Place {
 impl Place {
     /// Where an effect of an arm acts.
     pub fn of_arm(effect: &effect::Effect<f64>) -> Self {
-        Self::Arm(effect.law().place(), effect.law().detail())
+        Self::Arm(effect.place(), effect.detail())
     }
 
     /// The part that it is at, whatever number of it is meant.

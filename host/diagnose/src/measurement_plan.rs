@@ -210,8 +210,8 @@ fn candidate_columns(arm: &Arm, observations: &Observations) -> Vec<Vec<f64>> {
         return Vec::new();
     };
     let mut effects = arm_candidates::all(&arm.model);
-    effects.retain(|effect| effect.law().name() != LawName::Interaction);
-    let values = effects.iter().flat_map(|effect| (0..effect.law().values().len()).map(move |value| (effect, value)));
+    effects.retain(|effect| effect.name() != LawName::Interaction);
+    let values = effects.iter().flat_map(|effect| (0..effect.values().len()).map(move |value| (effect, value)));
     values.filter_map(|(effect, value)| sensitivity.column(effect, value)).map(likely).collect()
 }
 

@@ -75,7 +75,7 @@ impl Rejection {
 /// The candidates of an arm that these rejections exclude; with a part also the same law of all actuators of a group that it
 /// is in.
 pub(crate) fn of_arm(arm: &Arm, rejected: &[Rejection]) -> Result<Vec<Effect<f64>>, DiagnoseError> {
-    let site = |effect: &Effect<f64>| (effect.law().name(), arm_candidates::site(arm, effect));
+    let site = |effect: &Effect<f64>| (effect.name(), arm_candidates::site(arm, effect));
     let all = arm_candidates::all(&arm.model);
     let known: Vec<(Law, Site)> = arm.model.effects.iter().map(site).collect();
     let flags = flags(rejected, &all.iter().map(site).collect::<Vec<_>>(), &known)?;
@@ -87,15 +87,15 @@ pub(crate) fn of_arm(arm: &Arm, rejected: &[Rejection]) -> Result<Vec<Effect<f64
 /// Whether an effect is there only if `part` is: the same law at the same place, or of a group with it.
 fn includes(model: &ArmModel, effect: &Effect<f64>, part: &Effect<f64>) -> bool {
     use effect::Place::{Actuator, Arm, Module};
-    let ([outer, inner], detail) = ([effect, part].map(|effect| effect.law().place()), effect.law().detail());
+    let ([outer, inner], detail) = ([effect, part].map(|effect| effect.place()), effect.detail());
     let stage = |actuator: u8| model.chain.actuators().nth(actuator.into()).map(|(stage, _)| stage);
     let has_place = match (outer, inner) {
         (Arm, Actuator(_) | Module(_)) => true,
         (Module(module), Actuator(actuator)) => stage(actuator) == Some(module.into()),
         _ => outer == inner,
     };
-    let has_detail = detail == part.law().detail() || outer != inner && detail == Detail::All;
-    effect.law().name() == part.law().name() && has_place && has_detail
+    let has_detail = detail == part.detail() || outer != inner && detail == Detail::All;
+    effect.name() == part.name() && has_place && has_detail
 }
 
 /// An experiment without the candidates that are rejected, and these; `known` are the effects of its model.

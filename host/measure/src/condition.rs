@@ -5,11 +5,8 @@ use serde::Serialize;
 use super::table::Table;
 
 /// Conditions, the unit in which they are read, and how the names of columns in them end, the usual one first.
-const CONDITIONS: [(&str, &str, &[&str]); 3] = [
-    ("supply", "Pa", &["bar", "kpa", "pa"]),
-    ("temperature", "°C", &["c", "k"]),
-    ("load", "kg", &["kg", "g"]),
-];
+const CONDITIONS: [(&str, &str, &[&str]); 3] =
+    [("supply", "Pa", &["bar", "kpa", "pa"]), ("temperature", "°C", &["c", "k"]), ("load", "kg", &["kg", "g"])];
 
 /// A condition that is not read.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]

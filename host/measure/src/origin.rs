@@ -86,7 +86,8 @@ fn companion(path: &Path) -> impl Iterator<Item = PathBuf> {
 
 #[cfg(test)]
 mod tests {
-    use darm_core::effect::stroke_loss::StrokeLoss;
+
+    use darm_core::effect::Effect;
 
     use super::*;
 
@@ -114,7 +115,7 @@ mod tests {
         let mut next = recorded.clone();
         next.model.number += 1;
         next.model.working_supply *= 0.9;
-        next.model.effects.push(StrokeLoss { actuator: 4, state: 1, loss_m: 1e-3 }.into()).unwrap();
+        next.model.effects.push(Effect::StrokeLoss { actuator: 4, state: 1, loss_m: 1e-3 }).unwrap();
         assert!(origin.fits(&next) && origin.finding(&next).is_some());
         let mut moved = recorded;
         moved.model.chain.tool.position.x += 1e-6;

@@ -18,7 +18,7 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::{Condition, Law, fitted_term::{FittedTerm, Frame, Variable}};
+//! use darm_core::effect::{Condition, Frame, fitted_term::{FittedTerm, Variable}};
 //! use darm_core::se::Pose;
 //! let warmth = Variable::Temperature { center: 298.15, span: 5.0 };
 //! let law = FittedTerm { of: warmth, square: true, frame: Frame::Base, values: [0.0, 0.0, 0.0, 0.0, 0.002, 0.0] };
@@ -28,9 +28,7 @@
 //! assert!((seen.y - 0.008f64).abs() < 1e-15);
 //! ```
 
-pub use super::frame_offset::Frame;
-use super::frame_offset::OF_DISPLACEMENT;
-use super::{Condition, Detail, Law, LawName, Place, Quantity};
+use super::{Condition, Frame};
 use crate::real::{Real, Vec3, real};
 use crate::se::{Pose, Twist};
 
@@ -156,37 +154,9 @@ impl Variable<f64> {
     }
 }
 
-impl<T: Real> Law<T> for FittedTerm<T> {
-    /// None: its variable is not a place, but comes from a measurement.
-    fn at(_place: Place, _detail: Detail) -> Option<Self> {
-        None
-    }
-
-    fn name(&self) -> LawName {
-        LawName::FittedTerm
-    }
-
-    fn place(&self) -> Place {
-        Place::Tool
-    }
-
-    fn detail(&self) -> Detail {
-        Detail::Term { of: self.of.name(), square: self.square }
-    }
-
-    fn quantities(&self) -> &'static [Quantity] {
-        &OF_DISPLACEMENT
-    }
-
-    fn values(&self) -> &[T] {
-        &self.values
-    }
-
-    fn values_mut(&mut self) -> &mut [T] {
-        &mut self.values
-    }
-
-    fn displace(&self, predicted: Pose<T>, condition: &Condition<T>) -> Pose<T> {
+impl<T: Real> FittedTerm<T> {
+    /// The pose of the tool in the base as it is seen, where the arm alone would have it `predicted`.
+    pub fn displace(&self, predicted: Pose<T>, condition: &Condition<T>) -> Pose<T> {
         let u = self.of.of(condition);
         let size = if self.square { u * u } else { u };
         let [rx, ry, rz, x, y, z] = self.values;

@@ -18,10 +18,12 @@ fn every_constant_of_a_law_has_a_key_in_the_arm_file() {
     let arm =
         Arm::parse(Path::new("planar4.toml"), include_str!("../../../examples/planar4.toml")).expect("an example");
     let mut n_constants = 0;
-    for at in Effect::<f64>::EACH_AT {
+    for law in Effect::<f64>::LAWS {
         let places = [Place::Actuator(0), Place::Base];
-        let Some(mut effect) = places.into_iter().find_map(|place| at(place, Detail::All)) else { continue };
-        let Some(constant) = effect.law_mut().constant_mut() else { continue };
+        let Some(mut effect) = places.into_iter().find_map(|place| Effect::at(law, place, Detail::All)) else {
+            continue;
+        };
+        let Some(constant) = effect.constant_mut() else { continue };
         *constant = 12.5;
         n_constants += 1;
         let mut with_effect = arm.clone();
@@ -30,7 +32,7 @@ fn every_constant_of_a_law_has_a_key_in_the_arm_file() {
         let path = folder.path().join("arm.toml");
         with_effect.write(&path).expect("an arm that can be written");
         let read = Arm::read(&path).expect("an arm that can be read");
-        assert_eq!(read.model.effects.as_slice(), [effect], "{}", effect.law().name());
+        assert_eq!(read.model.effects.as_slice(), [effect], "{}", effect.name());
     }
     assert_eq!(n_constants, 6, "a step, a drift, wear, creep, a base that drifts and one that is moved");
 }

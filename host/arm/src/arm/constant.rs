@@ -1,7 +1,5 @@
 //! An arm as a constant in Rust: its model, effects and all, in a chip's flash.
 
-use std::collections::BTreeSet;
-
 use darm_core::actuator::{Axis, Leg, Platform, Stage};
 use darm_core::effect::fitted_term::{FittedTerm, Variable};
 use darm_core::effect::{Effect, Place};
@@ -18,7 +16,7 @@ impl Arm {
     /// of the tool.
     pub fn constant(&self) -> String {
         let (model, n) = (&self.model, self.model.chain.stages.len());
-        let (files, effects): (BTreeSet<&str>, Vec<String>) = model.effects.iter().map(effect_text).unzip();
+        let effects: Vec<String> = model.effects.iter().map(effect_text).collect();
         let body = format!(
             "/// Geometry, masses and effects.\n\
              pub(crate) const MODEL: Model<f32, {n}> = Model {{\n\
@@ -38,7 +36,6 @@ impl Arm {
             number(model.working_temperature_k),
             effects.join(", "),
         );
-        let effect = ["Effect", "Place"].into_iter().chain(files.iter().copied());
         format!(
             "//! {}, model {}: made by `darm model --rust` from its file.\n\n{}\
              use darm_core::chain::Chain;\n{}\
@@ -49,7 +46,8 @@ impl Arm {
             self.name,
             model.number,
             imports("actuator", &STAGES, &body),
-            imports("effect", &effect.collect::<Vec<_>>(), &body),
+            imports("effect", &["Effect", "Frame", "Place", "Plate"], &body)
+                + &imports("effect::fitted_term", &["FittedTerm", "Variable"], &body),
         )
     }
 }
@@ -98,66 +96,60 @@ fn mass(mass: &Mass<f64>) -> String {
     format!("Mass {{ mass_kg: {}, center: {} }}", number(mass.mass_kg), vector(&mass.center))
 }
 
-/// The file of a law in `darm-core`, and the effect as Rust source.
-fn effect_text(effect: &Effect<f64>) -> (&'static str, String) {
+/// An effect as Rust source.
+fn effect_text(effect: &Effect<f64>) -> String {
     let at = |part: Place| ("at", format!("Place::{part:?}"));
     let actuator = |index: u8| ("actuator", index.to_string());
     let values = |values: &[f64]| ("values", numbers(values));
-    let (file, law, fields) = match effect {
-        Effect::GravitySag(law) => {
-            ("gravity_sag", "GravitySag", vec![at(law.at), ("compliance_m_per_n", number(law.compliance_m_per_n))])
+    let (law, fields) = match *effect {
+        Effect::GravitySag { at: place, compliance_m_per_n } => {
+            ("GravitySag", vec![at(place), ("compliance_m_per_n", number(compliance_m_per_n))])
         }
-        Effect::Play(law) => ("play", "Play", vec![at(law.at), ("width_m", number(law.width_m))]),
-        Effect::SupplyStroke(law) => ("supply_stroke", "SupplyStroke", vec![at(law.at), ("gain", number(law.gain))]),
-        Effect::ThermalGrowth(law) => {
-            ("thermal_growth", "ThermalGrowth", vec![at(law.at), ("expansion_per_k", number(law.expansion_per_k))])
+        Effect::Play { at: place, width_m } => ("Play", vec![at(place), ("width_m", number(width_m))]),
+        Effect::SupplyStroke { at: place, gain } => ("SupplyStroke", vec![at(place), ("gain", number(gain))]),
+        Effect::ThermalGrowth { at: place, expansion_per_k } => {
+            ("ThermalGrowth", vec![at(place), ("expansion_per_k", number(expansion_per_k))])
         }
-        Effect::Drift(law) => {
-            ("drift", "Drift", vec![at(law.at), ("until_s", number(law.until_s)), values(&law.values)])
+        Effect::Drift { at: place, until_s, values: of } => {
+            ("Drift", vec![at(place), ("until_s", number(until_s)), values(&of)])
         }
-        Effect::Creep(law) => {
-            ("creep", "Creep", vec![at(law.at), ("dwell_s", number(law.dwell_s)), values(&law.values)])
+        Effect::Creep { at: place, dwell_s, values: of } => {
+            ("Creep", vec![at(place), ("dwell_s", number(dwell_s)), values(&of)])
         }
-        Effect::Crowding(law) => ("crowding", "Crowding", vec![at(law.at), values(&law.values)]),
-        Effect::FrameOffset(law) => {
-            let frame = format!("frame_offset::Frame::{:?}", law.frame);
-            ("frame_offset", "FrameOffset", vec![("frame", frame), values(&law.values)])
+        Effect::Crowding { at: place, values: of } => ("Crowding", vec![at(place), values(&of)]),
+        Effect::FrameOffset { frame, values: of } => {
+            ("FrameOffset", vec![("frame", format!("Frame::{frame:?}")), values(&of)])
         }
-        Effect::BaseDrift(law) => {
-            ("base_drift", "BaseDrift", vec![("until_s", number(law.until_s)), values(&law.values)])
+        Effect::BaseDrift { until_s, values: of } => ("BaseDrift", vec![("until_s", number(until_s)), values(&of)]),
+        Effect::BaseStep { since_s, values: of } => ("BaseStep", vec![("since_s", number(since_s)), values(&of)]),
+        Effect::Scale { stretch } => ("Scale", vec![("stretch", number(stretch))]),
+        Effect::JointOffset { servo, offset_rad } => {
+            ("JointOffset", vec![("servo", servo.to_string()), ("offset_rad", number(offset_rad))])
         }
-        Effect::BaseStep(law) => ("base_step", "BaseStep", vec![("since_s", number(law.since_s)), values(&law.values)]),
-        Effect::Scale(law) => ("scale", "Scale", vec![("stretch", number(law.stretch))]),
-        Effect::JointOffset(law) => {
-            let servo = ("servo", law.servo.to_string());
-            ("joint_offset", "JointOffset", vec![servo, ("offset_rad", number(law.offset_rad))])
+        Effect::StrokeLoss { actuator: of, state, loss_m } => {
+            ("StrokeLoss", vec![actuator(of), ("state", state.to_string()), ("loss_m", number(loss_m))])
         }
-        Effect::StrokeLoss(law) => {
-            let [state, loss] = [("state", law.state.to_string()), ("loss_m", number(law.loss_m))];
-            ("stroke_loss", "StrokeLoss", vec![actuator(law.actuator), state, loss])
+        Effect::Wear { actuator: of, until_switches, per_switch_m } => {
+            let until = ("until_switches", number(until_switches));
+            ("Wear", vec![actuator(of), until, ("per_switch_m", number(per_switch_m))])
         }
-        Effect::Wear(law) => {
-            let until = ("until_switches", number(law.until_switches));
-            ("wear", "Wear", vec![actuator(law.actuator), until, ("per_switch_m", number(law.per_switch_m))])
+        Effect::Step { actuator: of, since_s, shift_m } => {
+            ("Step", vec![actuator(of), ("since_s", number(since_s)), ("shift_m", number(shift_m))])
         }
-        Effect::Step(law) => {
-            let since = ("since_s", number(law.since_s));
-            ("step", "Step", vec![actuator(law.actuator), since, ("shift_m", number(law.shift_m))])
+        Effect::LengthOffset { actuator: of, offset_m } => {
+            ("LengthOffset", vec![actuator(of), ("offset_m", number(offset_m))])
         }
-        Effect::LengthOffset(law) => {
-            ("length_offset", "LengthOffset", vec![actuator(law.actuator), ("offset_m", number(law.offset_m))])
+        Effect::Interaction { actuator: of, other, shift_m } => {
+            ("Interaction", vec![actuator(of), ("other", other.to_string()), ("shift_m", number(shift_m))])
         }
-        Effect::Interaction(law) => {
-            let [other, shift] = [("other", law.other.to_string()), ("shift_m", number(law.shift_m))];
-            ("interaction", "Interaction", vec![actuator(law.actuator), other, shift])
+        Effect::AnchorOffset { actuator: of, plate, offset } => {
+            ("AnchorOffset", vec![actuator(of), ("plate", format!("Plate::{plate:?}")), ("offset", numbers(&offset))])
         }
-        Effect::AnchorOffset(law) => {
-            let plate = ("plate", format!("anchor_offset::Plate::{:?}", law.plate));
-            ("anchor_offset", "AnchorOffset", vec![actuator(law.actuator), plate, ("offset", vector(&law.offset))])
+        Effect::FittedTerm(term) => {
+            return format!("Effect::FittedTerm(FittedTerm {{ {} }})", fields_text(&term_fields(&term)));
         }
-        Effect::FittedTerm(law) => ("fitted_term", "FittedTerm", term_fields(law)),
     };
-    (file, format!("Effect::{law}({file}::{law} {{ {} }})", fields_text(&fields)))
+    format!("Effect::{law} {{ {} }}", fields_text(&fields))
 }
 
 fn fields_text(fields: &[(&str, String)]) -> String {
@@ -180,9 +172,9 @@ fn term_fields(term: &FittedTerm<f64>) -> Vec<(&'static str, String)> {
         }
     };
     vec![
-        ("of", format!("fitted_term::Variable::{variant} {{ {} }}", fields_text(&fields))),
+        ("of", format!("Variable::{variant} {{ {} }}", fields_text(&fields))),
         ("square", term.square.to_string()),
-        ("frame", format!("fitted_term::Frame::{:?}", term.frame)),
+        ("frame", format!("Frame::{:?}", term.frame)),
         ("values", numbers(&term.values)),
     ]
 }
@@ -191,63 +183,56 @@ fn term_fields(term: &FittedTerm<f64>) -> Vec<(&'static str, String)> {
 mod tests {
     use std::collections::BTreeSet;
 
-    use darm_core::effect::anchor_offset::{AnchorOffset, Plate};
     use darm_core::effect::fitted_term::{FittedTerm, Variable};
-    use darm_core::effect::frame_offset::{Frame, FrameOffset};
-    use darm_core::effect::gravity_sag::GravitySag;
-    use darm_core::effect::stroke_loss::StrokeLoss;
-    use darm_core::effect::{Detail, Effect, Place};
+    use darm_core::effect::{Detail, Effect, Frame, Place, Plate};
 
     use super::effect_text;
 
     #[test]
     fn every_law_has_all_its_fields() {
         let details = [Detail::All, Detail::State(1), Detail::Anchor(Plate::Top), Detail::With(1)];
-        let places = [Place::Actuator(2), Place::Servo(0), Place::Base, Place::Camera, Place::Arm];
+        let places = [Place::Actuator(2), Place::Servo(0), Place::Base, Place::Tool, Place::Camera, Place::Arm];
         let all = places.iter().flat_map(|place| details.iter().map(move |detail| (*place, *detail)));
-        let effects =
-            all.flat_map(|(place, detail)| Effect::<f64>::EACH_AT.iter().filter_map(move |at| at(place, detail)));
+        let at = |(place, detail)| {
+            Effect::<f64>::LAWS.into_iter().filter_map(move |law| Effect::<f64>::at(law, place, detail))
+        };
         let fields = |text: &str| text.matches(": ").count();
         let mut laws = BTreeSet::new();
-        for effect in effects {
-            assert_eq!(fields(&effect_text(&effect).1), fields(&format!("{effect:?}")), "{effect:?}");
-            laws.insert(effect.law().name());
+        for effect in all.flat_map(at) {
+            assert_eq!(fields(&effect_text(&effect)), fields(&format!("{effect:?}")), "{effect:?}");
+            laws.insert(effect.name());
         }
-        // A fitted term is not made at a place.
-        assert!(laws.len() + 1 >= Effect::<f64>::EACH_AT.len(), "{laws:?}");
+        assert_eq!(laws.len(), Effect::<f64>::LAWS.len());
     }
 
     #[test]
     fn an_effect_has_its_paths() {
-        let offset = [1e-3, -2e-3, 0.0].into();
         let of = Variable::Digits { first: (3, 1), second: Some((7, 0)) };
         let effects: [(Effect<f64>, &str); 5] = [
             (
-                StrokeLoss { actuator: 4, state: 1, loss_m: 2e-3 }.into(),
-                "Effect::StrokeLoss(stroke_loss::StrokeLoss { actuator: 4, state: 1, loss_m: 0.002 })",
+                Effect::StrokeLoss { actuator: 4, state: 1, loss_m: 2e-3 },
+                "Effect::StrokeLoss { actuator: 4, state: 1, loss_m: 0.002 }",
             ),
             (
-                AnchorOffset { actuator: 4, plate: Plate::Top, offset }.into(),
-                "Effect::AnchorOffset(anchor_offset::AnchorOffset { actuator: 4, plate: anchor_offset::Plate::Top, \
-                 offset: Vec3::new(0.001, -0.002, 0.0) })",
+                Effect::AnchorOffset { actuator: 4, plate: Plate::Top, offset: [1e-3, -2e-3, 0.0] },
+                "Effect::AnchorOffset { actuator: 4, plate: Plate::Top, offset: [0.001, -0.002, 0.0] }",
             ),
             (
-                FrameOffset { frame: Frame::Base, values: [0.5; 6] }.into(),
-                "Effect::FrameOffset(frame_offset::FrameOffset { frame: frame_offset::Frame::Base, values: [0.5, 0.5, \
-                 0.5, 0.5, 0.5, 0.5] })",
+                Effect::FrameOffset { frame: Frame::Base, values: [0.5; 6] },
+                "Effect::FrameOffset { frame: Frame::Base, values: [0.5, 0.5, 0.5, 0.5, 0.5, 0.5] }",
             ),
             (
-                FittedTerm { of, square: false, frame: Frame::Tool, values: [0.5; 6] }.into(),
-                "Effect::FittedTerm(fitted_term::FittedTerm { of: fitted_term::Variable::Digits { first: (3, 1), second: \
-                 Some((7, 0)) }, square: false, frame: fitted_term::Frame::Tool, values: [0.5, 0.5, 0.5, 0.5, 0.5, 0.5] })",
+                Effect::FittedTerm(FittedTerm { of, square: false, frame: Frame::Tool, values: [0.5; 6] }),
+                "Effect::FittedTerm(FittedTerm { of: Variable::Digits { first: (3, 1), second: Some((7, 0)) }, square: false, \
+                 frame: Frame::Tool, values: [0.5, 0.5, 0.5, 0.5, 0.5, 0.5] })",
             ),
             (
-                GravitySag { at: Place::Module(1), compliance_m_per_n: 2e-5 }.into(),
-                "Effect::GravitySag(gravity_sag::GravitySag { at: Place::Module(1), compliance_m_per_n: 2e-5 })",
+                Effect::GravitySag { at: Place::Module(1), compliance_m_per_n: 2e-5 },
+                "Effect::GravitySag { at: Place::Module(1), compliance_m_per_n: 2e-5 }",
             ),
         ];
         for (effect, text) in effects {
-            assert_eq!(effect_text(&effect).1, text);
+            assert_eq!(effect_text(&effect), text);
         }
     }
 }

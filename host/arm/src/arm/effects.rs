@@ -1,11 +1,9 @@
 //! Effects in an arm file: `law`, where it acts, its constant and its values.
 
 use darm_core::actuator::MAX_STATES;
-use darm_core::effect::anchor_offset::Plate;
 use darm_core::effect::fitted_term::{FittedTerm, Variable};
-use darm_core::effect::frame_offset::Frame;
 use darm_core::effect::law_name::LawName;
-use darm_core::effect::{Detail, Effect, Law, Place, Quantity};
+use darm_core::effect::{Detail, Effect, Frame, Place, Plate, Quantity};
 
 use super::ArmFault;
 use super::ArmModel;
@@ -30,29 +28,24 @@ pub(super) fn effect(raw: &RawEffect, model: &ArmModel) -> Result<Effect<f64>, A
         known: arm_laws().iter().map(|law| law.as_str()).collect(),
     })?;
     let mut effect = match name {
-        LawName::FittedTerm => fitted_term(raw, model)?.into(),
+        LawName::FittedTerm => Effect::FittedTerm(fitted_term(raw, model)?),
         name => at_its_place(name, raw, model)?,
     };
-    let law = effect.law_mut();
-    if let Some((quantity, _)) = law.constant() {
+    if let Some((quantity, _)) = effect.constant() {
         let constant = raw.constants().into_iter().find(|(key, _)| *key == value_key(&quantity));
         let (key, given) = constant.expect("an effect in a file has a key for each constant of a law");
         let given = given.ok_or(ArmFault::Missing { key, of: name.as_str() })?;
-        law.constant_mut().into_iter().for_each(|constant| *constant = given.0);
+        effect.constant_mut().into_iter().for_each(|constant| *constant = given.0);
     }
-    set_values(law, raw)?;
+    set_values(&mut effect, raw)?;
     Ok(effect)
 }
 
 /// The laws that an arm file may name.
 fn arm_laws() -> Vec<LawName> {
-    let alone = [Place::Arm, Place::Base, Place::Tool, Place::Camera].map(|place| (place, Detail::All));
-    let places = PLACE_KEYS.map(|(_, place, detail)| (place, detail)).into_iter().chain(alone);
-    let effects = places.flat_map(|(place, detail)| Effect::EACH_AT.iter().filter_map(move |at| at(place, detail)));
-    let mut laws: Vec<LawName> = effects.map(|effect: Effect<f64>| effect.law().name()).collect();
+    let mut laws = Effect::<f64>::LAWS.to_vec();
     laws.push(LawName::FittedTerm);
     laws.sort();
-    laws.dedup();
     laws
 }
 
@@ -76,7 +69,7 @@ fn at_its_place(name: LawName, raw: &RawEffect, model: &ArmModel) -> Result<Effe
     };
     let effect = places.iter().find_map(|place| Effect::at(name, *place, detail));
     let effect = effect.ok_or_else(|| wrong_place_keys(name, raw))?;
-    check_place(effect.law(), model).map(|()| effect)
+    check_place(&effect, model).map(|()| effect)
 }
 
 /// Which key is missing, or which is too much, where a law cannot act at the place that the keys name.
@@ -103,10 +96,10 @@ fn wrong_place_keys(name: LawName, raw: &RawEffect) -> ArmFault {
 }
 
 /// Refuses a place that the arm does not have.
-fn check_place(law: &dyn Law<f64>, model: &ArmModel) -> Result<(), ArmFault> {
+fn check_place(effect: &Effect<f64>, model: &ArmModel) -> Result<(), ArmFault> {
     let chain = &model.chain;
-    let name = law.name().as_str();
-    match (law.place(), law.detail()) {
+    let name = effect.name().as_str();
+    match (effect.place(), effect.detail()) {
         (Place::Actuator(actuator), detail) => {
             check_number(name, ("actuator", actuator), chain.n_actuators())?;
             match detail {
@@ -134,13 +127,13 @@ fn check_state(law: &'static str, (actuator, state): (u8, u8), model: &ArmModel)
 }
 
 /// Sets the values of a law to those of the file.
-fn set_values(law: &mut dyn Law<f64>, raw: &RawEffect) -> Result<(), ArmFault> {
-    let keys: Vec<String> = law.quantities().iter().map(value_key).collect();
+fn set_values(effect: &mut Effect<f64>, raw: &RawEffect) -> Result<(), ArmFault> {
+    let keys: Vec<String> = effect.quantities().iter().map(value_key).collect();
     let given = raw.values.get_ref();
     if given.len() != keys.len() || !keys.iter().all(|key| given.contains_key(key)) {
         return Err(ArmFault::EffectValues { expected: keys });
     }
-    law.values_mut().iter_mut().zip(&keys).for_each(|(value, key)| *value = given[key].0);
+    effect.values_mut().iter_mut().zip(&keys).for_each(|(value, key)| *value = given[key].0);
     Ok(())
 }
 
@@ -215,20 +208,19 @@ pub(super) fn place_keys(effect: &Effect<f64>) -> String {
     if let Effect::FittedTerm(term) = effect {
         return term_keys(term);
     }
-    let law = effect.law();
-    let place = match law.place() {
+    let place = match effect.place() {
         Place::Actuator(actuator) => format!("actuator = {actuator}\n"),
         Place::Module(module) => format!("module = {module}\n"),
         Place::Servo(servo) => format!("servo = {servo}\n"),
         Place::Arm | Place::Base | Place::Tool | Place::Camera => String::new(),
     };
-    let detail = match law.detail() {
+    let detail = match effect.detail() {
         Detail::State(state) => format!("state = {state}\n"),
         Detail::Anchor(Plate::Base) => "plate = \"base\"\n".into(),
         Detail::Anchor(Plate::Top) => "plate = \"top\"\n".into(),
         Detail::With(other) => format!("other = {other}\n"),
         Detail::All | Detail::Term { .. } => String::new(),
     };
-    let constant = law.constant().map(|(quantity, value)| format!("{} = {value:?}\n", value_key(&quantity)));
+    let constant = effect.constant().map(|(quantity, value)| format!("{} = {value:?}\n", value_key(&quantity)));
     format!("{place}{detail}{}", constant.unwrap_or_default())
 }

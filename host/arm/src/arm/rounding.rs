@@ -79,7 +79,7 @@ impl Arm {
         }
         let ideal = |actuator: usize, state| chain.get(Parameter::Stop { actuator: actuator as u8, state });
         for (site, leg) in model.sites(condition) {
-            let effects = model.effects.iter().map(|effect| effect.law()).filter(|law| law.place().holds(&site));
+            let effects = model.effects.iter().filter(|effect| effect.place().holds(&site));
             let (count, bears) = effects.fold((0.0, false), |(n, bears), law| (n + 1.0, bears || law.bears_load()));
             let setting = &scratch.settings[site.stage][leg];
             let own = match &chain.stages[site.stage] {
@@ -95,7 +95,7 @@ impl Arm {
             bound += size(&twist.linear, &twist.angular, scale_m) * (own + loaded);
         }
         let moves_all = |place| matches!(place, Place::Base | Place::Tool | Place::Camera);
-        let moving = model.effects.iter().filter(|effect| moves_all(effect.law().place())).count() as f64;
+        let moving = model.effects.iter().filter(|effect| moves_all(effect.place())).count() as f64;
         let reach = seen.position.norm();
         Ok(bound + UNIT * moving * (12.4 * (reach + scale_m) + reach))
     }

@@ -1,25 +1,7 @@
 //! Round trips of the arm file, and what it says to files that are wrong.
 
-use darm_core::effect::anchor_offset::{AnchorOffset, Plate};
-use darm_core::effect::base_drift::BaseDrift;
-use darm_core::effect::base_step::BaseStep;
-use darm_core::effect::creep::Creep;
-use darm_core::effect::crowding::Crowding;
-use darm_core::effect::drift::Drift;
 use darm_core::effect::fitted_term::{FittedTerm, Variable};
-use darm_core::effect::frame_offset::{Frame, FrameOffset};
-use darm_core::effect::gravity_sag::GravitySag;
-use darm_core::effect::interaction::Interaction;
-use darm_core::effect::joint_offset::JointOffset;
-use darm_core::effect::length_offset::LengthOffset;
-use darm_core::effect::play::Play;
-use darm_core::effect::scale::Scale;
-use darm_core::effect::step::Step;
-use darm_core::effect::stroke_loss::StrokeLoss;
-use darm_core::effect::supply_stroke::SupplyStroke;
-use darm_core::effect::thermal_growth::ThermalGrowth;
-use darm_core::effect::wear::Wear;
-use darm_core::effect::{Effect, Place as EffectPlace};
+use darm_core::effect::{Effect, Frame, Place as EffectPlace, Plate};
 use darm_core::real::Vec3;
 
 use super::*;
@@ -121,27 +103,27 @@ fn every_effect_reads_as_it_was() {
         Variable::Stayed { actuator: 11, share: 0.45 },
     ];
     let values = [0.0, 0.0, 1e-2, 1e-3, -2e-3, 0.0];
-    let terms = variables.map(|of| FittedTerm { of, square: true, frame: Frame::Base, values }.into());
+    let terms = variables.map(|of| Effect::FittedTerm(FittedTerm { of, square: true, frame: Frame::Base, values }));
     let effects: [Effect<f64>; 19] = [
-        StrokeLoss { actuator: 4, state: 1, loss_m: 1.0 / 3.0 }.into(),
-        AnchorOffset { actuator: 7, plate: Plate::Top, offset: Vec3::new(1e-3, -2e-3, 0.0) }.into(),
-        GravitySag { at: EffectPlace::Arm, compliance_m_per_n: 1.2e-7 }.into(),
-        Play { at, width_m: 1e-3 }.into(),
-        SupplyStroke { at: EffectPlace::Actuator(3), gain: 0.1 }.into(),
-        ThermalGrowth { at, expansion_per_k: 1.2e-5 }.into(),
-        Step { actuator: 2, since_s: 12.5, shift_m: -1e-3 }.into(),
-        LengthOffset { actuator: 2, offset_m: -1e-3 }.into(),
-        Interaction { actuator: 2, other: 9, shift_m: -1e-3 }.into(),
-        Creep { at, dwell_s: 1.5, values: [1e-3, -2e-3] }.into(),
-        BaseStep { since_s: 12.5, values: [0.0, 0.0, 1e-2, 1e-3, -2e-3, 0.0] }.into(),
-        BaseDrift { until_s: 80.0, values: [0.0, 0.0, 1e-5, 1e-6, -2e-6, 0.0] }.into(),
-        Drift { at: EffectPlace::Arm, until_s: 80.0, values: [1e-5, -1e-8] }.into(),
-        Wear { actuator: 11, until_switches: 150.0, per_switch_m: 1e-5 }.into(),
-        Crowding { at, values: [1e-3, -2e-3] }.into(),
-        FrameOffset { frame: Frame::Base, values: [0.0, 0.0, 1e-2, 1e-3, -2e-3, 0.0] }.into(),
-        FrameOffset { frame: Frame::Tool, values: [0.0, 0.0, 1e-2, 1e-3, -2e-3, 0.0] }.into(),
-        Scale { stretch: 1e-3 }.into(),
-        JointOffset { servo: 0, offset_rad: 0.01 }.into(),
+        Effect::StrokeLoss { actuator: 4, state: 1, loss_m: 1.0 / 3.0 },
+        Effect::AnchorOffset { actuator: 7, plate: Plate::Top, offset: [1e-3, -2e-3, 0.0] },
+        Effect::GravitySag { at: EffectPlace::Arm, compliance_m_per_n: 1.2e-7 },
+        Effect::Play { at, width_m: 1e-3 },
+        Effect::SupplyStroke { at: EffectPlace::Actuator(3), gain: 0.1 },
+        Effect::ThermalGrowth { at, expansion_per_k: 1.2e-5 },
+        Effect::Step { actuator: 2, since_s: 12.5, shift_m: -1e-3 },
+        Effect::LengthOffset { actuator: 2, offset_m: -1e-3 },
+        Effect::Interaction { actuator: 2, other: 9, shift_m: -1e-3 },
+        Effect::Creep { at, dwell_s: 1.5, values: [1e-3, -2e-3] },
+        Effect::BaseStep { since_s: 12.5, values: [0.0, 0.0, 1e-2, 1e-3, -2e-3, 0.0] },
+        Effect::BaseDrift { until_s: 80.0, values: [0.0, 0.0, 1e-5, 1e-6, -2e-6, 0.0] },
+        Effect::Drift { at: EffectPlace::Arm, until_s: 80.0, values: [1e-5, -1e-8] },
+        Effect::Wear { actuator: 11, until_switches: 150.0, per_switch_m: 1e-5 },
+        Effect::Crowding { at, values: [1e-3, -2e-3] },
+        Effect::FrameOffset { frame: Frame::Base, values: [0.0, 0.0, 1e-2, 1e-3, -2e-3, 0.0] },
+        Effect::FrameOffset { frame: Frame::Tool, values: [0.0, 0.0, 1e-2, 1e-3, -2e-3, 0.0] },
+        Effect::Scale { stretch: 1e-3 },
+        Effect::JointOffset { servo: 0, offset_rad: 0.01 },
     ];
     for effect in effects.into_iter().chain(terms) {
         arm.model.effects = [effect].into_iter().collect();

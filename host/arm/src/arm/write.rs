@@ -40,9 +40,8 @@ fn write_arm(w: &mut String, arm: &Arm, profile: Option<&Path>) -> fmt::Result {
         parts.write_stage(w, index)?;
     }
     for effect in &model.effects {
-        let law = effect.law();
-        write!(w, "\n[[effect]]\nlaw = \"{}\"\n{}", law.name(), effects::place_keys(effect))?;
-        let pairs = law.quantities().iter().zip(law.values());
+        write!(w, "\n[[effect]]\nlaw = \"{}\"\n{}", effect.name(), effects::place_keys(effect))?;
+        let pairs = effect.quantities().iter().zip(effect.values());
         let values: Vec<_> =
             pairs.map(|(quantity, value)| format!("{} = {value:?}", effects::value_key(quantity))).collect();
         writeln!(w, "values = {{ {} }}", values.join(", "))?;

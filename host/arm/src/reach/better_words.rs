@@ -118,8 +118,7 @@ impl Search {
 mod tests {
     use std::path::Path;
 
-    use darm_core::effect::Place;
-    use darm_core::effect::play::Play;
+    use darm_core::effect::{Effect, Place};
 
     use super::better_words;
     use crate::arm::Arm;
@@ -133,7 +132,7 @@ mod tests {
     #[test]
     fn a_word_is_the_nearest_from_the_word_of_the_frame_before() {
         let mut arm = Arm::read(&example("planar4.toml")).unwrap();
-        arm.model.effects.push(Play { at: Place::Arm, width_m: 0.004 }.into()).unwrap();
+        arm.model.effects.push(Effect::Play { at: Place::Arm, width_m: 0.004 }).unwrap();
         let frames = frames::read(&example("planar4-frames.toml"), &arm).unwrap();
         let better = better_words(&arm, &frames).unwrap();
         let before = better.iter().cycle().skip(better.len() - 1);
@@ -150,7 +149,7 @@ mod tests {
         let frames = frames::read(&example("spatial6-positions.toml"), &nominal).unwrap();
         for actuator in [0, 32] {
             let mut arm = nominal.clone();
-            arm.model.effects.push(Play { at: Place::Actuator(actuator), width_m: 0.01 }.into()).unwrap();
+            arm.model.effects.push(Effect::Play { at: Place::Actuator(actuator), width_m: 0.01 }).unwrap();
             for (frame, distance_m) in better_words(&arm, &frames).unwrap() {
                 assert!(distance_m < 1e-3, "play of actuator {actuator}, frame {}: {distance_m} m", frame.name);
             }

@@ -89,14 +89,13 @@ fn displaced(arm: &Arm) -> Arm {
     let condition = resting(arm);
     let chain = &mut displaced.model.chain;
     for effect in &arm.model.effects {
-        let law = effect.law();
-        match law.place() {
-            Place::Base => chain.mount = law.displace(chain.mount, &condition),
-            Place::Tool => chain.tool = law.displace(chain.tool, &condition),
+        match effect.place() {
+            Place::Base => chain.mount = effect.displace(chain.mount, &condition),
+            Place::Tool => chain.tool = effect.displace(chain.tool, &condition),
             // A length given too long is too long in every frame.
-            Place::Camera => {
-                [&mut chain.mount, &mut chain.tool].into_iter().for_each(|pose| *pose = law.displace(*pose, &condition))
-            }
+            Place::Camera => [&mut chain.mount, &mut chain.tool]
+                .into_iter()
+                .for_each(|pose| *pose = effect.displace(*pose, &condition)),
             _ => {}
         }
     }
@@ -151,9 +150,9 @@ impl Sample<'_> {
                 count += 1.0;
             }
         }
-        let camera = model.effects.iter().filter(|effect| effect.law().place() == Place::Camera);
+        let camera = model.effects.iter().filter(|effect| effect.place() == Place::Camera);
         let pose = if count > 0.0 { ideal * Pose::exp(&(sum * (1.0 / count))) } else { ideal };
-        camera.fold(pose, |pose, effect| effect.law().displace(pose, &resting(self.arm)))
+        camera.fold(pose, |pose, effect| effect.displace(pose, &resting(self.arm)))
     }
 }
 
@@ -180,13 +179,7 @@ fn packed(word: &Word, first: usize, digits: usize) -> u16 {
 mod tests {
     use std::path::Path;
 
-    use darm_core::effect::anchor_offset::{AnchorOffset, Plate};
-    use darm_core::effect::frame_offset::{Frame as End, FrameOffset};
-    use darm_core::effect::gravity_sag::GravitySag;
-    use darm_core::effect::play::Play;
-    use darm_core::effect::scale::Scale;
-    use darm_core::effect::stroke_loss::StrokeLoss;
-    use darm_core::effect::{Effect, Place as At};
+    use darm_core::effect::{Effect, Frame as End, Place as At, Plate};
     use darm_core::table::{Checker, TableError};
 
     use super::*;
@@ -266,24 +259,24 @@ mod tests {
             arm
         };
         let fixed: [Effect<f64>; 4] = [
-            StrokeLoss { actuator: 4, state: 1, loss_m: 5e-3 }.into(),
-            AnchorOffset { actuator: 7, plate: Plate::Top, offset: [3e-3, -2e-3, 0.0].into() }.into(),
-            FrameOffset { frame: End::Base, values: [0.0, 0.0, 0.01, 0.02, -0.01, 0.0] }.into(),
-            FrameOffset { frame: End::Tool, values: [0.0, 0.0, -0.02, 0.01, 0.03, 0.0] }.into(),
+            Effect::StrokeLoss { actuator: 4, state: 1, loss_m: 5e-3 },
+            Effect::AnchorOffset { actuator: 7, plate: Plate::Top, offset: [3e-3, -2e-3, 0.0] },
+            Effect::FrameOffset { frame: End::Base, values: [0.0, 0.0, 0.01, 0.02, -0.01, 0.0] },
+            Effect::FrameOffset { frame: End::Tool, values: [0.0, 0.0, -0.02, 0.01, 0.03, 0.0] },
         ];
         let arm = with(&fixed);
         assert!(off(&arm, &arm) < 1e-6 && off(&ideal, &arm) > 5e-3, "{} {}", off(&arm, &arm), off(&ideal, &arm));
-        let arm = with(&[Scale { stretch: 2e-3 }.into()]);
+        let arm = with(&[Effect::Scale { stretch: 2e-3 }]);
         assert!(off(&arm, &arm) < 1e-6 && off(&ideal, &arm) > 5e-3, "{} {}", off(&arm, &arm), off(&ideal, &arm));
         // The mean over words and words before takes away what is common to them.
-        let sag = GravitySag { at: At::Arm, compliance_m_per_n: 1e-4 }.into();
+        let sag = Effect::GravitySag { at: At::Arm, compliance_m_per_n: 1e-4 };
         let arm = with(&[sag]);
         let sagging_m = off(&arm, &arm);
         assert!(sagging_m < 0.7 * off(&ideal, &arm), "{sagging_m} {}", off(&ideal, &arm));
         // A base that was measured askew does not turn the weights.
-        let arm = with(&[sag, FrameOffset { frame: End::Base, values: [0.0, 0.0, 1.0, 0.5, 0.0, 0.0] }.into()]);
+        let arm = with(&[sag, Effect::FrameOffset { frame: End::Base, values: [0.0, 0.0, 1.0, 0.5, 0.0, 0.0] }]);
         assert!((off(&arm, &arm) - sagging_m).abs() < 1e-6, "{sagging_m} {}", off(&arm, &arm));
-        let arm = with(&[Play { at: At::Arm, width_m: 2e-3 }.into()]);
+        let arm = with(&[Effect::Play { at: At::Arm, width_m: 2e-3 }]);
         assert!(off(&arm, &arm) < 0.9 * off(&ideal, &arm), "{} {}", off(&arm, &arm), off(&ideal, &arm));
     }
 

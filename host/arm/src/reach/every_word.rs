@@ -164,8 +164,9 @@ impl Walk<'_> {
 mod tests {
     use std::path::Path;
 
-    use darm_core::effect::stroke_loss::StrokeLoss;
     use darm_core::se::Pose2;
+
+    use darm_core::effect::Effect;
 
     use super::*;
 
@@ -181,7 +182,7 @@ mod tests {
     #[test]
     fn a_reachable_pose_is_found_and_ranked_as_by_trying_all() {
         let mut arm = arm("planar4.toml");
-        arm.model.effects.push(StrokeLoss { actuator: 4, state: 1, loss_m: 4e-3 }.into()).unwrap();
+        arm.model.effects.push(Effect::StrokeLoss { actuator: 4, state: 1, loss_m: 4e-3 }).unwrap();
         for bits in [0b0101_1001_1010u16, 0b1110_0001_0111] {
             let word: Word = format!("{bits:012b}").parse().unwrap();
             let target = predicted(&arm, &word, &[]) * Pose::from(Pose2::new(2e-3, -1e-3, 0.004));

@@ -38,7 +38,9 @@ pub fn without_pose(arm: &Arm) -> Vec<WithoutPose> {
 
 fn without_pose_of(stage: &Stage<f64>) -> Vec<Vec<u8>> {
     match stage {
-        Stage::Planar(_) | Stage::Spatial(_) => settings(stage).filter(|digits| pose(stage, digits).is_none()).collect(),
+        Stage::Planar(_) | Stage::Spatial(_) => {
+            settings(stage).filter(|digits| pose(stage, digits).is_none()).collect()
+        }
         _ => Vec::new(),
     }
 }

@@ -42,7 +42,7 @@ fn affected(arm: &Arm) -> Vec<usize> {
         .model
         .effects
         .iter()
-        .filter_map(|effect| match effect.law().place() {
+        .filter_map(|effect| match effect.place() {
             Place::Actuator(actuator) => Some(actuator.into()),
             _ => None,
         })

@@ -281,15 +281,15 @@ impl Correction {
     fn of(arm: &Arm) -> Self {
         let model = &arm.model;
         let effects = model.effects.iter().map(|effect| {
-            let (law, site) = (effect.law(), site(arm, effect));
-            let values = law.quantities().iter().zip(law.values());
+            let site = site(arm, effect);
+            let values = effect.quantities().iter().zip(effect.values());
             let value = |(quantity, value): (&Quantity, &f64)| ModelledValue {
                 name: quantity.name,
                 value: *value,
                 unit: quantity.unit,
             };
             let parameters = values.map(value).collect();
-            ModelledEffect { law: law.name().to_string(), place: site.code, place_name: site.name, parameters }
+            ModelledEffect { law: effect.name().to_string(), place: site.code, place_name: site.name, parameters }
         });
         Self {
             model: model.number,

@@ -151,10 +151,10 @@ fn away(arm: &Arm) -> (f64, f64) {
 
 /// Every candidate. Interactions are left out, as in a measurement plan.
 pub(super) fn any(model: &ArmModel) -> impl Iterator<Item = Effect<f64>> {
-    arm_candidates::all(model).into_iter().filter(|effect| effect.law().name() != LawName::Interaction)
+    arm_candidates::all(model).into_iter().filter(|effect| effect.name() != LawName::Interaction)
 }
 
 /// All values of an effect.
 pub(super) fn values_of(effect: Effect<f64>) -> impl Iterator<Item = (Effect<f64>, usize)> {
-    (0..effect.law().values().len()).map(move |value| (effect, value))
+    (0..effect.values().len()).map(move |value| (effect, value))
 }

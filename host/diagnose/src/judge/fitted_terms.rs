@@ -1,7 +1,7 @@
 //! What no law explains, kept in the model as fitted terms of what the residual depends on.
 
-use darm_core::effect::Effect;
-use darm_core::effect::fitted_term::{FittedTerm, Frame};
+use darm_core::effect::fitted_term::FittedTerm;
+use darm_core::effect::{Effect, Frame};
 
 use crate::linearise::sensitivity::Sensitivity;
 use crate::outcome::{Dependence, Number, Structure};
@@ -61,7 +61,7 @@ fn add_terms(
         let frame = dependence.frame.unwrap_or(Frame::Tool);
         let mut model = with.fit.model.clone();
         let terms = dependence.terms.iter().map(|&(of, square)| FittedTerm { of, square, frame, values: [0.0; 6] });
-        let has_room = terms.map(|term| model.effects.push(term.into())).all(|pushed| pushed.is_ok());
+        let has_room = terms.map(|term| model.effects.push(Effect::FittedTerm(term))).all(|pushed| pushed.is_ok());
         // A term that leaves the arm without a pose somewhere is not the one.
         let Some(trial) = has_room.then(|| problem.fitted(&model).ok()).flatten() else { continue };
         let is_gain = problem.under(&with).reduction(&with, &trial).p * n_tried < DISCOVERY_LEVEL;
@@ -83,8 +83,8 @@ fn replaces_rejected(problem: &ToolPoses, before: &Trial<ToolPoses>, after: &Tri
     let change: Vec<f64> = residuals.map(|(before, after)| after - before).collect();
     let sensitivity = Sensitivity::new(&before.fit.model, &problem.training, &mut ArmScratch::default())?;
     let columns = problem.rejected.iter().flat_map(|effect| {
-        let column = |value: usize| Some((effect.law().name(), sensitivity.column(effect, value)?));
-        (0..effect.law().values().len()).filter_map(column).collect::<Vec<_>>()
+        let column = |value: usize| Some((effect.name(), sensitivity.column(effect, value)?));
+        (0..effect.values().len()).filter_map(column).collect::<Vec<_>>()
     });
     Ok(is_of_one_law(&change, columns.collect()))
 }

@@ -87,7 +87,7 @@ fn nothing(alternatives: &[Alternative]) -> NextMeasurement {
 pub(crate) fn together(arm: &Arm, best: &ArmModel, alternatives: &[Alternative]) -> ArmModel {
     let mut model = best.clone();
     for effect in all(&arm.model) {
-        let (law, place) = (effect.law().name(), Place::of_arm(&effect));
+        let (law, place) = (effect.name(), Place::of_arm(&effect));
         let meant = alternatives.iter().any(|a| a.law == law && a.site.place == place);
         let known = model.effects.iter().any(|known| same(known, &effect));
         if meant && !known && model.effects.push(effect).is_err() {

@@ -20,16 +20,15 @@ pub(crate) fn effects(selected: &SelectedPoses) -> Result<Vec<Effect>, NoPose> {
     let width = quantile_975(problem.training.n_groups.saturating_sub(fit.values.len()));
     let mut found = Vec::new();
     for (index, effect) in fit.model.effects.iter().enumerate().skip(selected.n_known()) {
-        let law = effect.law();
         let value = |(column, &(_, value)): (usize, &observations::Value)| {
             let half = width * covariance[(column, column)].max(0.0).sqrt();
-            let (quantity, value) = (law.quantities()[value], law.values()[value]);
+            let (quantity, value) = (effect.quantities()[value], effect.values()[value]);
             let ci95 = Some([value - half, value + half]);
             Value { name: quantity.name.into(), value, unit: quantity.unit.into(), ci95, nominal: None }
         };
         let of_effect = fit.values.iter().enumerate().filter(|(_, (owner, _))| *owner == index);
         found.push(Effect {
-            law: law.name(),
+            law: effect.name(),
             site: arm_candidates::site(arm, effect),
             values: of_effect.map(value).collect(),
             held_out_gain: Some(Number::new(held_out_gain_m(selected, index)?, "m")),
@@ -54,8 +53,7 @@ fn held_out_gain_m(selected: &SelectedPoses, effect: usize) -> Result<f64, NoPos
 pub(crate) fn unobservable(best: &Trial<ToolPoses>) -> Vec<String> {
     let name = |&(effect, value): &observations::Value| {
         let effect = &best.fit.model.effects[effect];
-        let law = effect.law();
-        format!("{} of {} at {}", law.quantities()[value].name, law.name(), arm_candidates::place_code(effect))
+        format!("{} of {} at {}", effect.quantities()[value].name, effect.name(), arm_candidates::place_code(effect))
     };
     values(&best.fit.model).iter().filter(|value| !best.fit.values.contains(value)).map(name).collect()
 }

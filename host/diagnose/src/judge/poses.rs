@@ -125,7 +125,7 @@ fn structure_after(selected: &SelectedPoses, trial: &Trial<ToolPoses>) -> Struct
 /// Whether an alternative is the effect that it could replace, up to which end of the part it names.
 fn is_same_part(other: &Alternative, effects: &[Effect<f64>]) -> bool {
     let effect = &effects[other.instead_of];
-    other.law == effect.law().name() && other.site.place.part() == crate::effect::Place::of_arm(effect).part()
+    other.law == effect.name() && other.site.place.part() == crate::effect::Place::of_arm(effect).part()
 }
 
 /// For every effect selected: what else explains the measurements as well in its place.
@@ -140,7 +140,7 @@ fn alternatives(selected: &SelectedPoses, last_rivals: Vec<Trial<ToolPoses>>) ->
             let Some(other) = rival.effect.filter(|other| !arm_candidates::same(other, &own)) else { continue };
             all.push(Alternative {
                 instead_of: effect - n_known,
-                law: other.law().name(),
+                law: other.name(),
                 site: arm_candidates::site(arm, &other),
                 cross_validated: rival.error,
                 worse_with,
@@ -154,7 +154,7 @@ fn alternatives(selected: &SelectedPoses, last_rivals: Vec<Trial<ToolPoses>>) ->
 fn selected_as_alternatives(selected: &SelectedPoses) -> Vec<Alternative> {
     let alternative = |(instead_of, effect): (usize, &Effect<f64>)| Alternative {
         instead_of,
-        law: effect.law().name(),
+        law: effect.name(),
         site: arm_candidates::site(selected.arm, effect),
         cross_validated: selected.best.error,
         worse_with: 0.0,

@@ -5,7 +5,7 @@
 //! test on all axes together, times the number of terms). Each is tried in the frame of the tool and in that of the base.
 //! Outliers are brought near first.
 
-use darm_core::effect::fitted_term::Frame;
+use darm_core::effect::Frame;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::judge::pose_dictionary::dictionary;

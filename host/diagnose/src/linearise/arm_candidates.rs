@@ -1,11 +1,8 @@
 //! Candidate effects: every effect law of `darm-core` at every place where it can act.
 
-use darm_core::effect::anchor_offset::Plate;
-use darm_core::effect::base_step::BaseStep;
 use darm_core::effect::fitted_term::{FittedTerm, VariableName};
 use darm_core::effect::law_name::LawName;
-use darm_core::effect::step::Step;
-use darm_core::effect::{Detail, Effect, Place as Part};
+use darm_core::effect::{Detail, Effect, Place as Part, Plate};
 
 use crate::effect::{Place, Site};
 use darm_arm::arm::{Arm, ArmModel};
@@ -14,13 +11,15 @@ use darm_arm::arm::{Arm, ArmModel};
 /// the start: when it came is for a fit to say.
 pub fn all(model: &ArmModel) -> Vec<Effect<f64>> {
     let places = places(model);
-    let effects = Effect::EACH_AT.iter().flat_map(|at| places.iter().filter_map(|&(place, detail)| at(place, detail)));
+    let effects = Effect::<f64>::LAWS
+        .into_iter()
+        .flat_map(|law| places.iter().filter_map(move |&(place, detail)| Effect::at(law, place, detail)));
     effects.filter(is_tried).collect()
 }
 
 /// One actuator alone has no other to switch with.
 fn is_tried(effect: &Effect<f64>) -> bool {
-    effect.law().name() != LawName::Crowding || !matches!(effect.law().place(), Part::Actuator(_))
+    effect.name() != LawName::Crowding || !matches!(effect.place(), Part::Actuator(_))
 }
 
 /// All places of an arm.
@@ -61,20 +60,20 @@ fn groups(model: &ArmModel) -> Vec<Part> {
 /// An effect that begins at a moment, from another moment on, s; `None` of one that does not.
 pub fn beginning(effect: &Effect<f64>, since_s: f64) -> Option<Effect<f64>> {
     match *effect {
-        Effect::Step(step) => Some(Step { since_s, ..step }.into()),
-        Effect::BaseStep(step) => Some(BaseStep { since_s, ..step }.into()),
+        Effect::Step { actuator, shift_m, .. } => Some(Effect::Step { actuator, since_s, shift_m }),
+        Effect::BaseStep { values, .. } => Some(Effect::BaseStep { since_s, values }),
         _ => None,
     }
 }
 
 /// Whether two effects are the same law at the same place, whatever their values and moments.
 pub fn same(a: &Effect<f64>, b: &Effect<f64>) -> bool {
-    a.law().name() == b.law().name() && Place::of_arm(a) == Place::of_arm(b)
+    a.name() == b.name() && Place::of_arm(a) == Place::of_arm(b)
 }
 
 /// Where an effect acts, as a short unambiguous code: `actuator 4, state 1`.
 pub fn place_code(effect: &Effect<f64>) -> String {
-    let detail = match effect.law().detail() {
+    let detail = match effect.detail() {
         Detail::All => String::new(),
         Detail::State(state) => format!(", state {state}"),
         Detail::Anchor(Plate::Base) => ", base anchor".into(),
@@ -84,7 +83,7 @@ pub fn place_code(effect: &Effect<f64>) -> String {
             format!(", along {}", variable(of, square, &|of| format!("actuator {of}"), &|of| format!("servo {of}")))
         }
     };
-    let part = match effect.law().place() {
+    let part = match effect.place() {
         Part::Actuator(actuator) => format!("actuator {actuator}"),
         Part::Module(module) => format!("module {module}"),
         Part::Arm => "arm".into(),
@@ -117,7 +116,7 @@ fn variable(of: VariableName, square: bool, actuator: &dyn Fn(u8) -> String, ser
 
 /// Where an effect acts, as a person would call it.
 pub fn place_name(arm: &Arm, effect: &Effect<f64>) -> String {
-    match effect.law().place() {
+    match effect.place() {
         Part::Actuator(actuator) => arm.actuator_name(actuator.into()),
         Part::Module(module) => arm.stage_name(module.into()),
         Part::Arm => "all actuators".into(),

@@ -3,31 +3,6 @@
 //! Constants that no linear fit finds (the speed at which friction falls, the distance over which it turns round) are taken
 //! from a few values spread over what the measurement covers, so that they have the measurement's own scale.
 
-use darm_core::effect::basis::backlash::Backlash;
-use darm_core::effect::basis::backlash_by_load::BacklashByLoad;
-use darm_core::effect::basis::compliance::Compliance;
-use darm_core::effect::basis::coulomb_friction::CoulombFriction;
-use darm_core::effect::basis::delay::Delay;
-use darm_core::effect::basis::friction_wear::FrictionWear;
-use darm_core::effect::basis::gain::Gain;
-use darm_core::effect::basis::hysteresis::Hysteresis;
-use darm_core::effect::basis::load_dependent_friction::LoadDependentFriction;
-use darm_core::effect::basis::load_dependent_presliding::LoadDependentPresliding;
-use darm_core::effect::basis::load_dependent_viscosity::LoadDependentViscosity;
-use darm_core::effect::basis::offset::Offset;
-use darm_core::effect::basis::offset_drift::OffsetDrift;
-use darm_core::effect::basis::periodic_cosine::PeriodicCosine;
-use darm_core::effect::basis::periodic_sine::PeriodicSine;
-use darm_core::effect::basis::position_dependent_friction::PositionDependentFriction;
-use darm_core::effect::basis::presliding_friction::PreslidingFriction;
-use darm_core::effect::basis::rotor_inertia::RotorInertia;
-use darm_core::effect::basis::speed_dependent_offset::SpeedDependentOffset;
-use darm_core::effect::basis::spring::Spring;
-use darm_core::effect::basis::step_in_time::StepInTime;
-use darm_core::effect::basis::stribeck_friction::StribeckFriction;
-use darm_core::effect::basis::thermal_drift::ThermalDrift;
-use darm_core::effect::basis::thermal_viscosity::ThermalViscosity;
-use darm_core::effect::basis::viscous_friction::ViscousFriction;
 use darm_core::effect::basis::{CoordinateSample, Law, Memory, Per};
 
 use crate::effect::Site;
@@ -87,32 +62,30 @@ impl Coordinate<'_> {
     /// Friction of all kinds.
     pub fn friction(&self) -> Vec<Law<f64>> {
         let (usual, stroke) = (root_mean_square(self.velocity).max(1e-12), range(self.position).max(1e-12));
-        let mut laws = vec![Law::ViscousFriction(ViscousFriction)];
-        laws.extend(CREEP.map(|share| Law::CoulombFriction(CoulombFriction { creep_speed: share * usual })));
-        laws.extend(STRIBECK.map(|share| Law::StribeckFriction(StribeckFriction { fall_speed: share * usual })));
+        let mut laws = vec![Law::ViscousFriction];
+        laws.extend(CREEP.map(|share| Law::CoulombFriction(share * usual)));
+        laws.extend(STRIBECK.map(|share| Law::StribeckFriction(share * usual)));
         let distances = PRESLIDING.map(|share| share * stroke);
-        laws.extend(distances.map(|distance| Law::PreslidingFriction(PreslidingFriction { distance })));
-        laws.extend(distances.map(|distance| Law::PositionDependentFriction(PositionDependentFriction { distance })));
-        laws.push(Law::FrictionWear(FrictionWear { creep_speed: WEARING_CREEP * usual }));
+        laws.extend(distances.map(Law::PreslidingFriction));
+        laws.extend(distances.map(Law::PositionDependentFriction));
+        laws.push(Law::FrictionWear(WEARING_CREEP * usual));
         if self.load.is_some() {
-            laws.extend(
-                CREEP.map(|share| Law::LoadDependentFriction(LoadDependentFriction { creep_speed: share * usual })),
-            );
-            laws.extend(distances.map(|distance| Law::LoadDependentPresliding(LoadDependentPresliding { distance })));
-            laws.push(Law::LoadDependentViscosity(LoadDependentViscosity));
+            laws.extend(CREEP.map(|share| Law::LoadDependentFriction(share * usual)));
+            laws.extend(distances.map(Law::LoadDependentPresliding));
+            laws.push(Law::LoadDependentViscosity);
         }
         if self.temperature.is_some() {
-            laws.push(Law::ThermalViscosity(ThermalViscosity));
+            laws.push(Law::ThermalViscosity);
         }
         laws
     }
 
     /// The laws of a force that are no friction.
     pub fn others(&self) -> Vec<Law<f64>> {
-        let mut laws = vec![Law::Offset(Offset), Law::Spring(Spring), Law::SpeedDependentOffset(SpeedDependentOffset)];
+        let mut laws = vec![Law::Offset, Law::Spring, Law::SpeedDependentOffset];
         laws.extend(self.in_time());
         if self.load.is_some() {
-            laws.extend([Law::Gain(Gain), Law::Delay(Delay)]);
+            laws.extend([Law::Gain, Law::Delay]);
         }
         laws
     }
@@ -120,20 +93,20 @@ impl Coordinate<'_> {
     /// Drift, a step, and what temperature moves.
     pub fn in_time(&self) -> Vec<Law<f64>> {
         let length_s = self.time_s.last().map_or(0.0, |last| last - self.start_s());
-        let mut laws = vec![Law::OffsetDrift(OffsetDrift)];
-        laws.extend(STEPS.map(|share| Law::StepInTime(StepInTime { at_s: share * length_s })));
+        let mut laws = vec![Law::OffsetDrift];
+        laws.extend(STEPS.map(|share| Law::StepInTime(share * length_s)));
         if self.temperature.is_some() {
-            laws.push(Law::ThermalDrift(ThermalDrift));
+            laws.push(Law::ThermalDrift);
         }
         laws
     }
 
     /// The laws of a motor and its gear, with periodic errors of these periods per turn of the joint.
     pub fn of_motor(&self, periods_a_turn: &[f64]) -> Vec<Law<f64>> {
-        let mut laws = vec![Law::RotorInertia(RotorInertia)];
+        let mut laws = vec![Law::RotorInertia];
         for &per_turn in periods_a_turn {
-            laws.push(Law::PeriodicSine(PeriodicSine { per_turn }));
-            laws.push(Law::PeriodicCosine(PeriodicCosine { per_turn }));
+            laws.push(Law::GearPeriodicSine(per_turn));
+            laws.push(Law::GearPeriodicCosine(per_turn));
         }
         laws
     }
@@ -142,14 +115,14 @@ impl Coordinate<'_> {
     pub fn of_holding(&self) -> Vec<Law<f64>> {
         let width = self.load.map_or(0.0, range).max(1e-12);
         let mut laws = self.in_time();
-        laws.push(Law::Offset(Offset));
+        laws.push(Law::Offset);
         if range(self.position) > 0.0 {
-            laws.extend(DISTANCES.map(|share| Law::Backlash(Backlash { distance: share * range(self.position) })));
+            laws.extend(DISTANCES.map(|share| Law::Backlash(share * range(self.position))));
         }
         if self.load.is_some() {
-            laws.push(Law::Compliance(Compliance));
-            laws.extend(SEATS.map(|share| Law::BacklashByLoad(BacklashByLoad { seating: share * width })));
-            laws.extend(WIDTHS.map(|share| Law::Hysteresis(Hysteresis { half_width: share * width })));
+            laws.push(Law::JointCompliance);
+            laws.extend(SEATS.map(|share| Law::BacklashByLoad(share * width)));
+            laws.extend(WIDTHS.map(|share| Law::Hysteresis(share * width)));
         }
         laws
     }
@@ -170,15 +143,13 @@ impl Coordinate<'_> {
 
     /// A law at a place, acting on each axis by its share.
     fn candidate(&self, law: &Law<f64>, site: &Site, shares: &[f64]) -> Candidate {
-        let along = law.basis_law();
-        let unit = self.unit(along.per());
-        let shape =
-            along.shape_parameter().map(|constant| (constant.name, constant.value, self.dimension(constant.per)));
+        let unit = self.unit(law.per());
+        let shape = law.shape_parameter().map(|constant| (constant.name, constant.value, self.dimension(constant.per)));
         let numbers = self.column(law);
         let column = numbers.iter().flat_map(|number| shares.iter().map(move |share| share * number)).collect();
         let value =
-            Value { name: along.coefficient().into(), unit, prior: f64::INFINITY, min: f64::NEG_INFINITY, column };
-        Candidate { law: along.name(), site: site.clone(), shape, values: vec![value] }
+            Value { name: law.coefficient().into(), unit, prior: f64::INFINITY, min: f64::NEG_INFINITY, column };
+        Candidate { law: law.name(), site: site.clone(), shape, values: vec![value] }
     }
 
     /// What a size of one adds in each row.
@@ -189,7 +160,7 @@ impl Coordinate<'_> {
             if k > 0 && self.motion[k] != self.motion[k - 1] {
                 memory = Memory::default();
             }
-            law.basis_law().basis(&self.sample(k, load_rate.as_deref()), &mut memory)
+            law.basis(&self.sample(k, load_rate.as_deref()), &mut memory)
         };
         (0..self.position.len()).map(at).collect()
     }
@@ -261,11 +232,11 @@ mod tests {
             motion: &[0, 0, 0, 0, 0, 1],
             units: ["m", "N", "Pa"],
         };
-        let law = Law::PreslidingFriction(PreslidingFriction { distance: 0.01 });
+        let law = Law::PreslidingFriction(0.01);
         let state = coordinate.column(&law);
         assert!((state[2] - 1.0).abs() < 1e-4 && (state[4] + 1.0).abs() < 1e-2 && state[5] == 0.0);
         let of = |law| coordinate.candidate(&law, &Site::new(Place::Actuator, "here"), &[1.0]);
         assert_eq!(of(law).shape, Some(("presliding distance", 0.01, "m".into())));
-        assert_eq!(of(Law::LoadDependentViscosity(LoadDependentViscosity)).values[0].unit, "N/(m/s)/Pa");
+        assert_eq!(of(Law::LoadDependentViscosity).values[0].unit, "N/(m/s)/Pa");
     }
 }

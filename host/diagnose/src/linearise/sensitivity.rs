@@ -8,7 +8,7 @@
 use std::cell::OnceCell;
 
 use darm_core::actuator::{Part, Settings};
-use darm_core::effect::{Effect, Law, Place, Site};
+use darm_core::effect::{Effect, Place, Site};
 use darm_core::model::Condition;
 use darm_core::se::{Pose, Twist};
 
@@ -71,8 +71,8 @@ impl<'a> Sensitivity<'a> {
     pub fn column(&self, effect: &Effect<f64>, value: usize) -> Option<Vec<f64>> {
         // To both sides: a turn out of the plane of a planar arm changes its pose by the square of the turn only.
         let [mut less, mut more] = [*effect; 2];
-        *less.law_mut().values_mut().get_mut(value)? -= 0.5 * STEP;
-        *more.law_mut().values_mut().get_mut(value)? += 0.5 * STEP;
+        *less.values_mut().get_mut(value)? -= 0.5 * STEP;
+        *more.values_mut().get_mut(value)? += 0.5 * STEP;
         let mut column = Vec::with_capacity(self.postures.len() * self.observations.n_axes());
         for posture in &self.postures {
             let twist = self.change(posture, &less, &more).to_vector();
@@ -84,15 +84,13 @@ impl<'a> Sensitivity<'a> {
 
     /// How the measured tool moves, in its own frame, when one effect takes the place of another.
     fn change(&self, posture: &Posture, from: &Effect<f64>, to: &Effect<f64>) -> Twist<f64> {
-        match from.law().place() {
-            Place::Actuator(_) | Place::Module(_) | Place::Arm => {
-                self.as_seen(posture, self.twist(posture, from.law(), to.law()))
-            }
+        match from.place() {
+            Place::Actuator(_) | Place::Module(_) | Place::Arm => self.as_seen(posture, self.twist(posture, from, to)),
             Place::Servo(_) => {
                 let Some(stage) = self.model.servo_stage(from) else { return Twist::zero() };
                 let (mut before, mut after) = (posture.settings[stage][0], posture.settings[stage][0]);
-                from.law().turn(&mut before);
-                to.law().turn(&mut after);
+                from.turn(&mut before);
+                to.turn(&mut after);
                 let unit = self.model.chain.stages[stage].twist(
                     &posture.settings[stage],
                     &posture.stages[stage],
@@ -115,16 +113,16 @@ impl<'a> Sensitivity<'a> {
     fn seen_with(&self, posture: &Posture, effect: &Effect<f64>) -> Pose<f64> {
         let own = |other: &&Effect<f64>| same(other, effect);
         if !self.model.effects.iter().any(|other| own(&other)) {
-            return effect.law().displace(posture.seen, &posture.condition);
+            return effect.displace(posture.seen, &posture.condition);
         }
         let effects = self.model.effects.iter().map(|other| if own(&other) { effect } else { other });
-        effects.fold(posture.tool, |pose, effect| effect.law().displace(pose, &posture.condition))
+        effects.fold(posture.tool, |pose, effect| effect.displace(pose, &posture.condition))
     }
 
     /// A small motion of the tool as it is seen.
     fn as_seen(&self, posture: &Posture, of_tool: Twist<f64>) -> Twist<f64> {
         let displaced = self.model.effects.iter().any(|effect| {
-            let place = effect.law().place();
+            let place = effect.place();
             matches!(place, Place::Base | Place::Tool | Place::Camera)
         });
         if !displaced {
@@ -134,7 +132,7 @@ impl<'a> Sensitivity<'a> {
     }
 
     /// How the tool moves, in its own frame, when one law of actuators takes the place of another.
-    fn twist(&self, posture: &Posture, from: &dyn Law<f64>, to: &dyn Law<f64>) -> Twist<f64> {
+    fn twist(&self, posture: &Posture, from: &Effect<f64>, to: &Effect<f64>) -> Twist<f64> {
         let mut sum = Twist::zero();
         for (actuator, (site, leg)) in posture.sites.iter().enumerate() {
             if !from.place().holds(site) {

@@ -254,8 +254,8 @@ fn misplaced(
 fn bound(candidate: &mut Candidate) {
     let law = Law::named(candidate.law, candidate.shape.as_ref().map(|(_, constant, _)| *constant));
     let min = match law {
-        Some(Law::Gain(_)) => MIN_GAIN,
-        Some(law) if law.basis_law().takes_power() => 0.0,
+        Some(Law::Gain) => MIN_GAIN,
+        Some(law) if law.takes_power() => 0.0,
         _ => return,
     };
     candidate.values.iter_mut().for_each(|value| value.min = min);
@@ -379,10 +379,7 @@ fn regressor(robot: &Robot, motion: &Motion, rows: usize) -> (Vec<f64>, Vec<[Vec
 fn of_joint_laws(coordinate: &Coordinate, periods_a_turn: &[f64], mut distances: Vec<Law<f64>>) -> Vec<Law<f64>> {
     let mut laws = coordinate.friction();
     let of_seals = |law: &Law<f64>| {
-        matches!(
-            law,
-            Law::PositionDependentFriction(_) | Law::LoadDependentPresliding(_) | Law::LoadDependentViscosity(_)
-        )
+        matches!(law, Law::PositionDependentFriction(_) | Law::LoadDependentPresliding(_) | Law::LoadDependentViscosity)
     };
     laws.retain(|law| !of_seals(law));
     laws.extend(coordinate.others());

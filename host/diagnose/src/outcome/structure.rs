@@ -2,7 +2,8 @@
 
 use std::fmt;
 
-use darm_core::effect::fitted_term::{Frame, Variable};
+use darm_core::effect::Frame;
+use darm_core::effect::fitted_term::Variable;
 use serde::{Serialize, Serializer};
 
 use crate::number::Number;

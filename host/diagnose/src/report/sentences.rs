@@ -1,12 +1,6 @@
 //! A diagnosis in sentences, for a person with a screwdriver.
 
-use darm_core::effect::Effect;
-use darm_core::effect::anchor_offset::{AnchorOffset, Plate};
-use darm_core::effect::base_drift::BaseDrift;
-use darm_core::effect::creep::Creep;
-use darm_core::effect::crowding::Crowding;
-use darm_core::effect::drift::Drift;
-use darm_core::effect::stroke_loss::StrokeLoss;
+use darm_core::effect::{Effect, Plate};
 
 use crate::judge::far_rows::are_too_many;
 use crate::judge::fitted_terms::WithTerms;
@@ -300,95 +294,97 @@ fn capitalised(sentence: &str) -> String {
 /// One effect: which part, which way, how much.
 pub fn effect_sentence(arm: &Arm, effect: &Effect<f64>) -> String {
     let place = place_name(arm, effect);
-    match effect {
-        Effect::StrokeLoss(law) => stroke_sentence(&place, law),
-        Effect::AnchorOffset(law) => anchor_sentence(&place, law, arm.model.chain.is_planar()),
-        Effect::GravitySag(law) => {
-            format!("{place}: the legs deflect by {:.3} mm per 100 N of load.", law.compliance_m_per_n * 1e5)
+    let is_planar = arm.model.chain.is_planar();
+    match *effect {
+        Effect::StrokeLoss { state, loss_m, .. } => {
+            let (way, short_mm) = (longer(-loss_m), loss_m.abs() * 1e3);
+            format!("{place}: in state {state} it is {short_mm:.2} mm {way} than its stop sets it.")
         }
-        Effect::Play(law) => {
-            format!("{place}: an actuator that was not moved is offset {:.2} mm from its stop.", law.width_m * 1e3)
+        Effect::AnchorOffset { plate, offset, .. } => {
+            let plate = match plate {
+                Plate::Base => "lower",
+                Plate::Top => "upper",
+            };
+            let [x, y, z] = offset.map(|shift| shift * 1e3);
+            let depth = if is_planar { String::new() } else { format!(", {z:+.2} mm in z") };
+            format!(
+                "{place}: its anchor on the {plate} plate sits {x:+.2} mm in x, {y:+.2} mm in y{depth} from its place."
+            )
         }
-        Effect::SupplyStroke(law) => {
-            let way = if law.gain > 0.0 { "shorter" } else { "longer" };
-            format!("{place}: the stroke is {:.2} % {way} per 10 % drop in supply.", law.gain.abs() * 10.0)
+        Effect::GravitySag { compliance_m_per_n, .. } => {
+            format!("{place}: the legs deflect by {:.3} mm per 100 N of load.", compliance_m_per_n * 1e5)
         }
-        Effect::ThermalGrowth(law) => {
-            format!("{place}: the legs grow by {:.1} µm per metre and kelvin.", law.expansion_per_k * 1e6)
+        Effect::Play { width_m, .. } => {
+            format!("{place}: an actuator that was not moved is offset {:.2} mm from its stop.", width_m * 1e3)
         }
-        Effect::Step(law) => {
-            let (way, since_s) = (longer(law.shift_m), law.since_s);
-            format!("{place}: since {since_s:.1} s after the start it is {:.2} mm {way}.", law.shift_m.abs() * 1e3)
+        Effect::SupplyStroke { gain, .. } => {
+            let way = if gain > 0.0 { "shorter" } else { "longer" };
+            format!("{place}: the stroke is {:.2} % {way} per 10 % drop in supply.", gain.abs() * 10.0)
         }
-        Effect::LengthOffset(law) => {
-            let way = longer(law.offset_m);
-            format!("{place}: it is {:.2} mm {way} in every state than its stops set it.", law.offset_m.abs() * 1e3)
+        Effect::ThermalGrowth { expansion_per_k, .. } => {
+            format!("{place}: the legs grow by {:.1} µm per metre and kelvin.", expansion_per_k * 1e6)
         }
-        Effect::Interaction(law) => {
-            let (way, other) = (longer(law.shift_m), arm.actuator_name(law.other.into()));
-            format!("{place}: while {other} is extended too, it is {:.2} mm {way}.", law.shift_m.abs() * 1e3)
+        Effect::Step { since_s, shift_m, .. } => {
+            let way = longer(shift_m);
+            format!("{place}: since {since_s:.1} s after the start it is {:.2} mm {way}.", shift_m.abs() * 1e3)
         }
-        Effect::Creep(law) => creep_sentence(&place, law),
-        Effect::Drift(law) => drift_sentence(&place, law),
-        Effect::Wear(law) => {
-            let way = if law.per_switch_m > 0.0 { "farther" } else { "less far" };
-            format!("{place}: its stops let it {:.2} mm {way} per 100 switches.", law.per_switch_m.abs() * 1e5)
+        Effect::LengthOffset { offset_m, .. } => {
+            let way = longer(offset_m);
+            format!("{place}: it is {:.2} mm {way} in every state than its stops set it.", offset_m.abs() * 1e3)
         }
-        Effect::Crowding(law) => crowding_sentence(&place, law),
-        Effect::FrameOffset(law) => frame_sentence(&place, &law.values, arm.model.chain.is_planar()),
-        Effect::Scale(law) => {
-            let way = if law.stretch > 0.0 { "over-reads" } else { "under-reads" };
-            format!("{place}: it {way} length by {:.3} %.", law.stretch.abs() * 100.0)
+        Effect::Interaction { other, shift_m, .. } => {
+            let (way, other) = (longer(shift_m), arm.actuator_name(other.into()));
+            format!("{place}: while {other} is extended too, it is {:.2} mm {way}.", shift_m.abs() * 1e3)
         }
-        Effect::BaseDrift(law) => base_drift_sentence(&place, law, arm.model.chain.is_planar()),
-        Effect::BaseStep(law) => {
-            let moved = frame_sentence(&place, &law.values, arm.model.chain.is_planar());
-            format!("Since {:.1} s after the start {moved}", law.since_s)
+        Effect::Creep { values, .. } => {
+            let [fast_mm, slow_mm] = values.map(|size| size * 1e3);
+            format!(
+                "{place}: an actuator that stays in its state creeps {fast_mm:+.2} mm onto its stop within a second, and \
+                 {slow_mm:+.2} mm within ten seconds."
+            )
+        }
+        Effect::Drift { values: [rate, change], .. } => {
+            let [rate, change] = [rate * 6e4, change * 3.6e6];
+            let then = if rate * change < 0.0 { "less" } else { "more" };
+            format!(
+                "{place}: it creeps {:.2} mm {} in the first minute, and {:.2} mm {then} in each minute after.",
+                (rate + 0.5 * change).abs(),
+                longer(rate + 0.5 * change),
+                change.abs()
+            )
+        }
+        Effect::Wear { per_switch_m, .. } => {
+            let way = if per_switch_m > 0.0 { "farther" } else { "less far" };
+            format!("{place}: its stops let it {:.2} mm {way} per 100 switches.", per_switch_m.abs() * 1e5)
+        }
+        Effect::Crowding { values: [short, by_supply], .. } => {
+            let [short_mm, more_mm] = [short * 1e3, by_supply * -1e2];
+            format!(
+                "{place}: an actuator stays {short_mm:.2} mm short per other actuator of its module that switches with it, \
+                 and {more_mm:.2} mm more per 10 % drop in supply."
+            )
+        }
+        Effect::FrameOffset { values, .. } => frame_sentence(&place, &values, is_planar),
+        Effect::Scale { stretch } => {
+            let way = if stretch > 0.0 { "over-reads" } else { "under-reads" };
+            format!("{place}: it {way} length by {:.3} %.", stretch.abs() * 100.0)
+        }
+        Effect::BaseDrift { values, .. } => base_drift_sentence(&place, &values, is_planar),
+        Effect::BaseStep { since_s, values } => {
+            format!("Since {since_s:.1} s after the start {}", frame_sentence(&place, &values, is_planar))
         }
         Effect::FittedTerm(term) => {
-            format!("{place}: its error depends on {}, which no law explains (fitted term).", term_name(arm, term))
+            format!("{place}: its error depends on {}, which no law explains (fitted term).", term_name(arm, &term))
         }
-        Effect::JointOffset(law) => {
-            let offset_deg = law.offset_rad.to_degrees();
+        Effect::JointOffset { offset_rad, .. } => {
+            let offset_deg = offset_rad.to_degrees();
             format!("{place}: its joint is offset {offset_deg:+.3}° from the angle that the servo reports.")
         }
     }
 }
 
-fn stroke_sentence(place: &str, law: &StrokeLoss<f64>) -> String {
-    let (way, short_mm) = (longer(-law.loss_m), law.loss_m.abs() * 1e3);
-    format!("{place}: in state {} it is {short_mm:.2} mm {way} than its stop sets it.", law.state)
-}
-
-fn creep_sentence(place: &str, law: &Creep<f64>) -> String {
-    let [fast_mm, slow_mm] = law.values.map(|size| size * 1e3);
-    format!(
-        "{place}: an actuator that stays in its state creeps {fast_mm:+.2} mm onto its stop within a second, and {slow_mm:+.2} \
-         mm within ten seconds."
-    )
-}
-
-fn crowding_sentence(place: &str, law: &Crowding<f64>) -> String {
-    let [short_mm, more_mm] = [law.values[0] * 1e3, law.values[1] * -1e2];
-    format!(
-        "{place}: an actuator stays {short_mm:.2} mm short per other actuator of its module that switches with it, and \
-         {more_mm:.2} mm more per 10 % drop in supply."
-    )
-}
-
-fn drift_sentence(place: &str, law: &Drift<f64>) -> String {
-    let [rate, change] = [law.values[0] * 6e4, law.values[1] * 3.6e6];
-    let then = if rate * change < 0.0 { "less" } else { "more" };
-    format!(
-        "{place}: it creeps {:.2} mm {} in the first minute, and {:.2} mm {then} in each minute after.",
-        (rate + 0.5 * change).abs(),
-        longer(rate + 0.5 * change),
-        change.abs()
-    )
-}
-
-fn base_drift_sentence(place: &str, law: &BaseDrift<f64>, planar: bool) -> String {
-    let [turn_x, turn_y, turn_z, x, y, z] = law.values.map(|rate| 60.0 * rate);
+fn base_drift_sentence(place: &str, values: &[f64; 6], planar: bool) -> String {
+    let [turn_x, turn_y, turn_z, x, y, z] = values.map(|rate| 60.0 * rate);
     let [turn_x, turn_y, turn_z] = [turn_x, turn_y, turn_z].map(f64::to_degrees);
     let [x, y, z] = [x, y, z].map(|way| 1e3 * way);
     let (out, about) = match planar {
@@ -398,19 +394,6 @@ fn base_drift_sentence(place: &str, law: &BaseDrift<f64>, planar: bool) -> Strin
     format!(
         "{place}, as the camera sees it, moves by {x:+.3} mm in x, {y:+.3} mm in y{out} and turns by {about} each minute: \
          fasten the camera."
-    )
-}
-
-fn anchor_sentence(place: &str, law: &AnchorOffset<f64>, is_planar: bool) -> String {
-    let plate = match law.plate {
-        Plate::Base => "lower",
-        Plate::Top => "upper",
-    };
-    let d = law.offset * 1e3;
-    let depth = if is_planar { String::new() } else { format!(", {:+.2} mm in z", d.z) };
-    format!(
-        "{place}: its anchor on the {plate} plate sits {:+.2} mm in x, {:+.2} mm in y{depth} from its place.",
-        d.x, d.y
     )
 }
 

@@ -197,13 +197,13 @@ fn registered(
     scratch: &mut ArmScratch,
 ) -> Result<ArmModel, NoPose> {
     let is_fitted = |effect: usize| values.iter().any(|value| value.0 == effect);
-    let effects = model.effects.iter().map(|effect| effect.law().name());
+    let effects = model.effects.iter().map(|effect| effect.name());
     let base = effects.enumerate().position(|(k, name)| name == LawName::BaseOffset && is_fitted(k));
     let Some(base) = base else { return Ok(model.clone()) };
     let predicted = observations.predicted(model, scratch)?;
     let motion = observations.nearest_motion(&predicted);
     let mut moved = model.clone();
-    if let [rx, ry, rz, x, y, z] = moved.effects[base].law_mut().values_mut() {
+    if let [rx, ry, rz, x, y, z] = moved.effects[base].values_mut() {
         let place = motion * Pose::new(&Vec3::new(*rx, *ry, *rz), Vec3::new(*x, *y, *z));
         let turn = rotation_log(&place.rotation);
         ([*rx, *ry, *rz], [*x, *y, *z]) = (turn.into(), place.position.into());
@@ -224,7 +224,7 @@ fn descend(
     for _ in 0..8 {
         let mut model = fit.model.clone();
         for (&(effect, value), change) in fit.values.iter().zip(step.iter()) {
-            model.effects[effect].law_mut().values_mut()[value] += change;
+            model.effects[effect].values_mut()[value] += change;
         }
         if let Ok(residuals) = observations.residuals(&model, scratch) {
             let lower = losses(&residuals, observations.n_axes()).iter().sum();

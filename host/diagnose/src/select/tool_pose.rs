@@ -43,7 +43,7 @@ pub struct ToolPoses {
 /// The values of all effects of a model.
 pub fn values(model: &ArmModel) -> Vec<Value> {
     let effects = model.effects.iter().enumerate();
-    effects.flat_map(|(k, effect)| (0..effect.law().values().len()).map(move |value| (k, value))).collect()
+    effects.flat_map(|(k, effect)| (0..effect.values().len()).map(move |value| (k, value))).collect()
 }
 
 impl ToolPoses {
@@ -107,7 +107,7 @@ impl ToolPoses {
         let new = model.effects.len();
         model.effects.push(*effect).ok()?;
         let mut fit = Fit { model, ..current.fit.clone() };
-        for value in 0..effect.law().values().len() {
+        for value in 0..effect.values().len() {
             if let Some(column) = sensitivity.column(effect, value) {
                 fit.values.push((new, value));
                 fit.columns.push(column);
@@ -124,7 +124,7 @@ impl ToolPoses {
     /// A step at the moment that it explains most from, `None` where there is none; any other effect as it is.
     fn timed(&self, effect: &Effect<f64>, residuals: &[f64], sensitivity: &Sensitivity) -> Option<Effect<f64>> {
         let Some(from_the_start) = beginning(effect, f64::NEG_INFINITY) else { return Some(*effect) };
-        let values = 0..effect.law().values().len();
+        let values = 0..effect.values().len();
         let always: Vec<_> = values.filter_map(|value| sensitivity.column(&from_the_start, value)).collect();
         let counts = vec![1.0; self.training.rows.len()];
         let since_s = change_point::change_point(&self.training, &always, residuals, &counts)?;
@@ -211,7 +211,7 @@ fn step(fit: &Fit, effect: usize, sensitivity: &Sensitivity) -> Option<change_po
     for (value, &(_, number)) in own {
         step.values.push(value);
         step.always.push(sensitivity.column(&from_the_start, number)?);
-        step.sizes.push(fit.model.effects[effect].law().values()[number]);
+        step.sizes.push(fit.model.effects[effect].values()[number]);
     }
     (!step.values.is_empty()).then_some(step)
 }
@@ -277,7 +277,7 @@ impl RegressionProblem for ToolPoses {
 
     fn name(&self, effect: &Effect<f64>) -> CandidateName {
         CandidateName {
-            law: effect.law().name(),
+            law: effect.name(),
             places: vec![Place::of_arm(effect)],
             constant: None,
             text: arm_candidates::place_code(effect),

@@ -36,8 +36,7 @@ use std::fmt;
 use std::ops::Range;
 
 use darm_core::chain::Chain;
-use darm_core::effect::anchor_offset::Plate;
-use darm_core::effect::{self, Detail};
+use darm_core::effect::{self, Detail, Plate};
 use darm_core::real::Vec3;
 use darm_core::se::Twist;
 use rand::{Rng, RngExt};

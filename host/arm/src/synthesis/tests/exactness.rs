@@ -64,9 +64,9 @@ fn fewer_frames_alter_less_and_more_are_met_as_well_as_can_be() {
 fn effects_and_servos_are_taken_into_account() {
     let mut arm = example("planar4-hybrid.toml");
     let effects: [Effect<f64>; 3] = [
-        StrokeLoss { actuator: 4, state: 1, loss_m: 5e-3 }.into(),
-        GravitySag { at: Place::Arm, compliance_m_per_n: 2e-5 }.into(),
-        Play { at: Place::Arm, width_m: 2e-3 }.into(),
+        Effect::StrokeLoss { actuator: 4, state: 1, loss_m: 5e-3 },
+        Effect::GravitySag { at: Place::Arm, compliance_m_per_n: 2e-5 },
+        Effect::Play { at: Place::Arm, width_m: 2e-3 },
     ];
     arm.model.effects.extend(effects);
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples");

@@ -45,8 +45,8 @@ fn stops_of_few_actuators_are_turned_where_they_suffice() {
     let turned = |offsets: &[u8], other: Option<u8>| {
         let mut corrected = arm.clone();
         for &actuator in offsets {
-            let offset = LengthOffset { actuator, offset_m: 2e-3 };
-            corrected.model.effects.push(offset.into()).unwrap();
+            let offset = Effect::LengthOffset { actuator, offset_m: 2e-3 };
+            corrected.model.effects.push(offset).unwrap();
         }
         if let Some(actuator) = other {
             let stop = Parameter::Stop { actuator, state: 1 };

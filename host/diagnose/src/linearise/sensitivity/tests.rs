@@ -18,15 +18,15 @@ fn columns_are_differences_of_residuals() {
     for effect in arm_candidates::all(&arm.model) {
         let mut model = arm.model.clone();
         model.effects.push(effect).unwrap();
-        for value in 0..effect.law().values().len() {
+        for value in 0..effect.values().len() {
             model.effects[0] = effect;
             let mut at = |step: f64| {
-                model.effects[0].law_mut().values_mut()[value] = step;
+                model.effects[0].values_mut()[value] = step;
                 observations.residuals(&model, &mut scratch).unwrap()
             };
             // Forces are some 100 N and squares of times some 1000 s²: such steps move the tool as far as the others' do.
-            let by_square_of_time = effect.law().quantities()[value].unit == "m/s²";
-            let step = if effect.law().bears_load() || by_square_of_time { 1e-9 } else { 1e-6 };
+            let by_square_of_time = effect.quantities()[value].unit == "m/s²";
+            let step = if effect.bears_load() || by_square_of_time { 1e-9 } else { 1e-6 };
             let (up, down) = (at(step), at(-step));
             let zeros = vec![0.0; up.len()];
             let column = sensitivity.column(&effect, value).unwrap_or(zeros);

@@ -1,7 +1,6 @@
 //! What acts on several joints of a motion at once: motors that turn with sums of joints, and one delay of all torques.
 
 use darm_core::effect::basis::Law;
-use darm_core::effect::basis::rotor_inertia::RotorInertia;
 use darm_core::effect::law_name::LawName;
 
 use super::{Motion, Transmission};
@@ -85,8 +84,8 @@ pub(super) fn couplings(
         let (q, v, a) = (sum(&motion.q), sum(&motion.v), sum(&motion.a));
         let coordinate = clock.coordinate([&q, &v, &a], None);
         let mut laws = coordinate.friction();
-        laws.retain(|law| matches!(law, Law::CoulombFriction(_) | Law::ViscousFriction(_)));
-        laws.push(Law::RotorInertia(RotorInertia));
+        laws.retain(|law| matches!(law, Law::CoulombFriction(_) | Law::ViscousFriction));
+        laws.push(Law::RotorInertia);
         candidates.extend(coordinate.candidates(laws, &site, &mix, known));
     }
     candidates

@@ -2,7 +2,7 @@
 
 use darm_core::actuator::{Leg, Platform, Stage};
 use darm_core::chain::Chain;
-use darm_core::effect::{Effect, Place, gravity_sag, stroke_loss};
+use darm_core::effect::{Effect, Place};
 use darm_core::model::{Mass, Model};
 use darm_core::real::{Mat3, Vec3};
 use darm_core::se::Pose;
@@ -302,7 +302,7 @@ pub(crate) const MODEL: Model<f32, 6> = Model {
     working_supply: 600000.0,
     working_temperature_k: 293.15,
     effects: Vec::from_array([
-        Effect::GravitySag(gravity_sag::GravitySag { at: Place::Arm, compliance_m_per_n: 2.99961e-5 }),
-        Effect::StrokeLoss(stroke_loss::StrokeLoss { actuator: 2, state: 1, loss_m: 0.0039997194 }),
+        Effect::GravitySag { at: Place::Arm, compliance_m_per_n: 2.99961e-5 },
+        Effect::StrokeLoss { actuator: 2, state: 1, loss_m: 0.0039997194 },
     ]),
 };
