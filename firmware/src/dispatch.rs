@@ -60,7 +60,7 @@ const fn decimal(text: &str) -> u8 {
 const COPIES: Micros = Micros::from_millis(60_000);
 
 /// What the dispatcher knows of the board when it opens.
-pub struct Board {
+pub struct Board<'k> {
     /// Number and name.
     pub identity: Identity,
     /// How the start before ended.
@@ -72,12 +72,12 @@ pub struct Board {
     /// What it reports of itself.
     pub health: fn() -> Health,
     /// Memory with its earlier crashes, where it has some.
-    pub kept: Option<&'static Kept>,
+    pub kept: Option<&'k Kept>,
 }
 
 /// Answers to the host.
 pub struct Dispatcher<'s, 't, F: NorFlash, C> {
-    pub(crate) board: Board,
+    pub(crate) board: Board<'s>,
     pub(crate) clock: C,
     pub(crate) shared: &'s Shared<'t>,
     pub(crate) log: EventLog<'s>,
@@ -132,7 +132,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
     /// A dispatcher that knows nothing yet; [`Dispatcher::open`] it before it answers.
     /// `log` is what memory has kept of the last events.
     pub fn new(
-        board: Board,
+        board: Board<'s>,
         clock: C,
         shared: &'s Shared<'t>,
         room: &'s mut NearestSearch,

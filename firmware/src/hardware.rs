@@ -196,7 +196,7 @@ impl<H: Hardware> Default for ConsoleMemory<H> {
 }
 
 /// What the dispatcher knows of a board.
-pub fn describe<H: Hardware>(crash: Option<CrashRecord>) -> Board {
+pub fn describe<H: Hardware>(crash: Option<CrashRecord>) -> Board<'static> {
     let board = heapless::String::try_from(H::NAME).unwrap_or_default();
     Board {
         identity: Identity { device: H::device(), board },

@@ -65,6 +65,16 @@ impl Kept {
         }
     }
 
+    /// Memory whose content means nothing, for a board in a process: there memory that nobody has written must not be read.
+    pub const fn blank() -> Self {
+        Self {
+            records: UnsafeCell::new(MaybeUninit::zeroed()),
+            crashes: UnsafeCell::new(MaybeUninit::zeroed()),
+            missing_ms: UnsafeCell::new(MaybeUninit::zeroed()),
+            log: UnsafeCell::new(MaybeUninit::zeroed()),
+        }
+    }
+
     fn crashes(&self) -> *mut [u32; 2] {
         self.crashes.get().cast()
     }
@@ -282,6 +292,12 @@ mod tests {
     fn crash(kept: &Kept, uptime_us: u64) {
         let at = Registers { pc: 1, lr: 2 };
         keep(kept, CrashKind::Panic, Micros(uptime_us), at, format_args!("number {uptime_us}"));
+    }
+
+    #[test]
+    fn blank_memory_means_nothing() {
+        let kept = Kept::blank();
+        assert_eq!((kept.missing_ms(), take(&kept, false), past(&kept, 0)), (None, None, None));
     }
 
     #[test]

@@ -28,7 +28,7 @@ const NO_LOADER: &str = "refused: close the jumper of the board first\r\n";
 /// Serves the bootstrap set until somebody asks for a reboot; what the board is to start into. No tick looks at the button
 /// here: that it is closed allows the loader.
 pub async fn serve(
-    board: &Board,
+    board: &Board<'_>,
     is_button_closed: impl Fn() -> bool,
     clock: &impl Clock,
     reader: &mut impl Read,
@@ -66,7 +66,7 @@ pub async fn serve(
 
 /// Answers a frame of the bootstrap set; what to start into, if it asks for that. A failed write has no reader.
 async fn answer(
-    board: &Board,
+    board: &Board<'_>,
     allows: &impl Fn(bootstrap::RebootTarget) -> bool,
     encoded: &mut [u8],
     writer: &mut impl Write,
@@ -149,7 +149,7 @@ mod tests {
         }
     }
 
-    fn board() -> Board {
+    fn board() -> Board<'static> {
         let identity = Identity { device: DeviceId([7; 12]), board: heapless::String::try_from("test").unwrap() };
         let text = heapless::String::try_from("why").unwrap();
         let crash = Some(CrashRecord { kind: CrashKind::Watchdog, uptime_us: 1, pc: 2, lr: 3, text });

@@ -1,19 +1,17 @@
 //! The board with its plant, without threads: somebody steps it, tick by tick, and sees what its pins do.
 
-use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::future::Future;
 use std::pin::Pin as Pinned;
 use std::rc::Rc;
 use std::task::{Context, Poll, Waker};
 
-use darm_core::duty::DutyMeters;
 use darm_core::units::Micros;
 use darm_core::wire::bootstrap::RebootTarget;
 use darm_firmware::control::TICK;
 
 use super::Stepped;
-use super::board::{self, ChainFaults, Pin, Wires};
+use super::board::{self, ChainFaults, Outliving, Pin, Wires};
 use super::flash::MemoryFlash;
 use crate::plant::Plant;
 use crate::plant::chain::{Chain, ChainPins};
@@ -55,9 +53,9 @@ pub struct Bench {
     firmware: Option<Pinned<Box<dyn Future<Output = RebootTarget>>>>,
     wires: Rc<Wires>,
     flash: MemoryFlash,
-    /// How long each output has been on: memory that survives a reset.
-    used: Rc<RefCell<DutyMeters>>,
+    memory: Outliving,
     button: bool,
+    supply_mv: Option<u16>,
     plant: Plant,
     chain: Chain,
     /// Bytes from the host that the board has not fetched.
@@ -78,13 +76,14 @@ pub struct Bench {
 impl Bench {
     /// A board that has just got its power. Its clock is right.
     pub fn new(plant: Plant, flash: MemoryFlash) -> Self {
-        let (wires, used) = (Rc::new(Wires::default()), Rc::<RefCell<DutyMeters>>::default());
+        let (wires, memory) = (Rc::new(Wires::default()), Outliving::blank());
         Self {
-            firmware: Some(Box::pin(board::run(wires.clone(), flash.clone(), used.clone()))),
+            firmware: Some(Box::pin(board::run(wires.clone(), flash.clone(), memory.clone()))),
             wires,
             flash,
-            used,
+            memory,
             button: false,
+            supply_mv: None,
             plant,
             chain: Chain::new(CHAIN, CHIPS, RELEASED),
             to_board: VecDeque::new(),
@@ -167,6 +166,13 @@ impl Bench {
         self.wires.button.set(pressed);
     }
 
+    /// The board measures its supply, which is this from now on, mV. Before the first step: a board that never did so at its start
+    /// takes no profile with a threshold.
+    pub fn set_supply(&mut self, mv: u16) {
+        self.supply_mv = Some(mv);
+        self.wires.supply_mv.set(self.supply_mv);
+    }
+
     /// Breaks or repairs what is between the board and its chain, from now on.
     pub fn break_chain(&mut self, faults: ChainFaults) {
         self.chain_faults = faults;
@@ -214,7 +220,7 @@ impl Bench {
     /// Cuts the power: RAM is lost, flash and plant stay.
     pub fn power_off(&mut self) {
         self.release();
-        self.used.replace(DutyMeters::default());
+        self.memory = Outliving::blank();
         self.happened.push(Physical::Power(false));
     }
 
@@ -236,8 +242,9 @@ impl Bench {
 
     fn start(&mut self) {
         self.wires.button.set(self.button);
+        self.wires.supply_mv.set(self.supply_mv);
         self.wires.faults.set(self.chain_faults);
-        let firmware = board::run(self.wires.clone(), self.flash.clone(), self.used.clone());
+        let firmware = board::run(self.wires.clone(), self.flash.clone(), self.memory.clone());
         self.firmware = Some(Box::pin(firmware));
     }
 

@@ -19,7 +19,8 @@ use darm_firmware::app::serve;
 use darm_firmware::clock::Clock;
 use darm_firmware::control::{Inputs, Shared, TICK};
 use darm_firmware::dispatch::{BUILD, Board, Dispatcher};
-use darm_firmware::hardware;
+use darm_firmware::hardware::{self, Converted};
+use darm_firmware::kept::Kept;
 use darm_firmware::life::{Pulse, Task};
 use darm_firmware::log::LogMemory;
 use darm_firmware::pipe::{Pipe, PipeReader, PipeWriter};
@@ -59,6 +60,22 @@ pub struct ChainFaults {
     pub enable_low: bool,
 }
 
+/// Memory that outlives a reset.
+#[derive(Clone)]
+pub(super) struct Outliving {
+    /// How long each output has been on.
+    pub(super) used: Rc<RefCell<DutyMeters>>,
+    /// What writes of the flash have used up, and the crashes.
+    pub(super) kept: Rc<Kept>,
+}
+
+impl Outliving {
+    /// After a power cut.
+    pub(super) fn blank() -> Self {
+        Self { used: Rc::default(), kept: Rc::new(Kept::blank()) }
+    }
+}
+
 /// Board time that the simulation advances.
 #[derive(Default)]
 pub(super) struct ManualClock(Cell<u64>);
@@ -91,6 +108,8 @@ pub(super) struct Wires {
     pub(super) switches: Cell<u32>,
     /// A person holds the user button.
     pub(super) button: Cell<bool>,
+    /// Supply of the board, mV; `None` where it measures none.
+    pub(super) supply_mv: Cell<Option<u16>>,
     /// What is wrong with the chain.
     pub(super) faults: Cell<ChainFaults>,
     /// The stages of the shift registers, that of the last chip highest.
@@ -112,6 +131,7 @@ impl Default for Wires {
             bus_out: Pipe::default(),
             switches: Cell::new(0),
             button: Cell::new(false),
+            supply_mv: Cell::new(None),
             faults: Cell::default(),
             stages: Cell::new(0),
             levels: Cell::new(1 << Pin::Enable as u8),
@@ -190,6 +210,8 @@ impl InputPin for FarEnd {
 struct BoardPins {
     chain: ReadBack<Wire, Wire, Wire, Wire, FarEnd>,
     wires: Rc<Wires>,
+    /// The converter measured the supply last, and not the temperature.
+    has_measured_supply: bool,
 }
 
 impl BoardPins {
@@ -197,7 +219,7 @@ impl BoardPins {
         let pin = |pin| Wire(wires.clone(), pin);
         let [data, clock, latch, enable] = [Pin::Data, Pin::Clock, Pin::Latch, Pin::Enable].map(pin);
         let chain = ReadBack::new(solenoid::Pins { data, clock, latch, enable }, FarEnd(wires.clone()));
-        Self { chain, wires: wires.clone() }
+        Self { chain, wires: wires.clone(), has_measured_supply: false }
     }
 }
 
@@ -231,30 +253,39 @@ impl hardware::Pins for BoardPins {
     fn inputs(&self) -> Inputs {
         Inputs { switches: self.wires.switches.get(), button: self.wires.button.get(), ..Inputs::default() }
     }
+
+    /// Supply and temperature in turn.
+    fn convert(&mut self) -> Option<Converted> {
+        let mv = self.wires.supply_mv.get()?;
+        self.has_measured_supply = !self.has_measured_supply;
+        Some(if self.has_measured_supply { Converted::SupplyMv(mv) } else { Converted::ChipCelsius(Some(25)) })
+    }
 }
 
-/// Runs the firmware from its start until a restart is requested. `used` is memory that survives a reset.
-pub(super) async fn run(wires: Rc<Wires>, flash: MemoryFlash, used: Rc<RefCell<DutyMeters>>) -> RebootTarget {
+/// Runs the firmware from its start until a restart is requested.
+pub(super) async fn run(wires: Rc<Wires>, flash: MemoryFlash, memory: Outliving) -> RebootTarget {
     match flash.chip() {
-        Chip::Stm32l475 => run_on(Stm32l475(flash), Chip::Stm32l475, wires, used).await,
-        Chip::Rp2040 => run_on(Rp2040(flash), Chip::Rp2040, wires, used).await,
+        Chip::Stm32l475 => run_on(Stm32l475(flash), Chip::Stm32l475, wires, memory).await,
+        Chip::Rp2040 => run_on(Rp2040(flash), Chip::Rp2040, wires, memory).await,
     }
 }
 
 #[expect(clippy::await_holding_refcell_ref, reason = "one start at a time holds the meters, and ends with its future")]
-async fn run_on(flash: impl NorFlash, chip: Chip, wires: Rc<Wires>, used: Rc<RefCell<DutyMeters>>) -> RebootTarget {
+async fn run_on(flash: impl NorFlash, chip: Chip, wires: Rc<Wires>, memory: Outliving) -> RebootTarget {
     let mut table = Box::<Table>::default();
     let mut room = Box::<NearestSearch>::default();
     let mut profile = Box::new(Profile::empty());
     let mut log = Box::<LogMemory>::default();
-    let mut used = used.borrow_mut();
+    let mut used = memory.used.borrow_mut();
     let shared = Shared::new();
     let pulses = [const { Pulse::new() }; Task::ALL.len()];
     let [console_pulse, bus_pulse] = &pulses;
     let console = async {
         let name = "in-process";
         let identity = Identity { device: DEVICE, board: name.parse().expect("a name that fits") };
-        let caps = Caps::largest(name, SLOT_BYTES as u32, BUILD);
+        // A threshold of the supply needs a board that measures it.
+        let of_caps = wires.supply_mv.get().map_or(name, |_| chip.pins().board);
+        let caps = Caps::largest(of_caps, SLOT_BYTES as u32, BUILD);
         let mut dispatcher = Dispatcher::new(
             Board {
                 identity,
@@ -262,7 +293,7 @@ async fn run_on(flash: impl NorFlash, chip: Chip, wires: Rc<Wires>, used: Rc<Ref
                 caps,
                 guards_loader: chip.guards_loader(),
                 health: Health::default,
-                kept: None,
+                kept: Some(&*memory.kept),
             },
             &wires.clock,
             &shared,

@@ -4,6 +4,7 @@
 use std::fmt;
 use std::str::FromStr;
 
+use darm_core::profile::{B_L475E_IOT01A, PICO, PinTable};
 use darm_core::units::Micros;
 use serde::{Deserialize, Serialize};
 
@@ -44,11 +45,27 @@ impl FromStr for Chip {
 }
 
 impl Chip {
+    /// The board that has this chip and measures its supply.
+    pub(super) const fn pins(self) -> &'static PinTable {
+        match self {
+            Self::Stm32l475 => &B_L475E_IOT01A,
+            Self::Rp2040 => &PICO,
+        }
+    }
+
     /// Bytes that are erased at once.
     pub const fn erase_bytes(self) -> usize {
         match self {
             Self::Stm32l475 => 2048,
             Self::Rp2040 => 4096,
+        }
+    }
+
+    /// Bytes that are written at once at least.
+    pub(super) const fn word_bytes(self) -> usize {
+        match self {
+            Self::Stm32l475 => 8,
+            Self::Rp2040 => 1,
         }
     }
 

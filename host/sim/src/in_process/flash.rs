@@ -19,8 +19,10 @@ use super::chip::Chip;
 /// Bytes at which the power can fail.
 const WORD: usize = 8;
 
-/// Bytes of the records, behind the two slots of tables.
-const RECORDS_BYTES: usize = 16 * 1024;
+/// The records, behind the two slots of tables.
+const RECORDS: Range<usize> = 2 * SLOT_BYTES..2 * SLOT_BYTES + 16 * 1024;
+/// Bytes before the data of a record: their sum, their number, and the sum of that number (`sequential-storage`, `item.rs`).
+const HEADER_BYTES: usize = 8;
 
 /// The bytes of a board's flash. Clones share them, as two starts of one board do.
 #[derive(Clone, Debug)]
@@ -39,6 +41,20 @@ struct Cells {
     noise: u64,
     /// Writes to words that were not erased.
     overwrites: u32,
+    /// Erasures of each page, and bytes written among the records, since [`MemoryFlash::forget_wear`].
+    erasures: Vec<u32>,
+    record_bytes: usize,
+    /// The last byte written among the records.
+    last_record: usize,
+}
+
+/// What a flash has borne.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Wear {
+    /// Erasures of that page of the slots of tables which was erased most often.
+    pub table_erasures: u32,
+    /// Bytes written among the records.
+    pub record_bytes: usize,
 }
 
 /// Why the flash refuses an operation.
@@ -82,6 +98,9 @@ impl Cells {
 
     /// Erases a page. A power failure leaves noise in the rest of it.
     fn erase_page(&mut self, page: usize) {
+        if let Some(count) = self.erasures.get_mut(page / self.chip.erase_bytes()) {
+            *count += 1;
+        }
         let end = page + self.chip.erase_bytes();
         for word in (page..end).step_by(WORD) {
             let torn = self.spend();
@@ -113,6 +132,10 @@ impl Cells {
 impl Cells {
     /// Writes bytes of one page, word by word; nothing more once the power has failed.
     fn write_page(&mut self, mut at: usize, bytes: &[u8]) -> Result<(), FlashError> {
+        if RECORDS.contains(&at) {
+            self.record_bytes += bytes.len();
+            self.last_record = at + bytes.len().saturating_sub(1);
+        }
         let mut rest = bytes;
         while !rest.is_empty() && self.words_left != Some(0) {
             let (word, later) = rest.split_at(rest.len().min(WORD - at % WORD));
@@ -120,6 +143,28 @@ impl Cells {
             (at, rest) = (at + word.len(), later);
         }
         Ok(())
+    }
+}
+
+impl Cells {
+    /// The data of the records in the page that was written last, in their order.
+    fn last_records(&self) -> Vec<Range<usize>> {
+        let page_bytes = self.chip.erase_bytes();
+        let page = self.last_record / page_bytes * page_bytes;
+        let word = self.chip.word_bytes();
+        let mut records = Vec::new();
+        // A page begins with a word that marks it.
+        let mut at = page + word;
+        while at + HEADER_BYTES <= self.last_record {
+            let length = usize::from(u16::from_le_bytes([self.bytes[at + 4], self.bytes[at + 5]]));
+            let data = at + HEADER_BYTES..at + HEADER_BYTES + length;
+            if length == 0 || data.end > page + page_bytes {
+                break;
+            }
+            at = data.start + length.next_multiple_of(word);
+            records.push(data);
+        }
+        records
     }
 }
 
@@ -151,6 +196,7 @@ impl MemoryFlash {
     /// Erased.
     pub fn new(chip: Chip) -> Self {
         let bytes = vec![0xff; flash_bytes(chip.erase_bytes())];
+        let erasures = vec![0; bytes.len().div_ceil(chip.erase_bytes())];
         let paused = Micros(0);
         Self(Arc::new(Mutex::new(Cells {
             chip,
@@ -160,6 +206,9 @@ impl MemoryFlash {
             words_left: None,
             noise: 1,
             overwrites: 0,
+            erasures,
+            record_bytes: 0,
+            last_record: RECORDS.start,
         })))
     }
 
@@ -232,24 +281,54 @@ impl MemoryFlash {
 
     /// Damages one bit of each copy of these bytes among the records, behind the two slots of tables; how many there were.
     pub fn damage_records(&self, bytes: &[u8]) -> usize {
-        let records = 2 * SLOT_BYTES..2 * SLOT_BYTES + RECORDS_BYTES;
-        self.damage(records, bytes)
+        self.damage(RECORDS, bytes, 8 * (bytes.len() / 2))
+    }
+
+    /// The same with the bit of this number.
+    pub fn damage_records_at(&self, bytes: &[u8], bit: usize) -> usize {
+        self.damage(RECORDS, bytes, bit % (8 * bytes.len()))
     }
 
     /// The same of the images of profiles, behind the records.
     pub fn damage_profiles(&self, bytes: &[u8]) -> usize {
         let end = self.cells().bytes.len();
-        self.damage(2 * SLOT_BYTES + RECORDS_BYTES..end, bytes)
+        self.damage(RECORDS.end..end, bytes, 8 * (bytes.len() / 2))
     }
 
-    fn damage(&self, range: Range<usize>, bytes: &[u8]) -> usize {
+    fn damage(&self, range: Range<usize>, bytes: &[u8], bit: usize) -> usize {
         let mut cells = self.cells();
         let copies = cells.bytes[range.clone()].windows(bytes.len()).enumerate();
         let places: Vec<usize> = copies.filter(|(_, copy)| *copy == bytes).map(|(at, _)| range.start + at).collect();
         for at in &places {
-            cells.bytes[at + bytes.len() / 2] ^= 1;
+            cells.bytes[at + bit / 8] ^= 1 << (bit % 8);
         }
         places.len()
+    }
+
+    /// Damages one bit of the record that was written last, or of the one before it on the same page (`back` 1); whether there
+    /// was one.
+    pub fn damage_last_record(&self, back: usize, bit: usize) -> bool {
+        let mut cells = self.cells();
+        let records = cells.last_records();
+        let Some(data) = records.len().checked_sub(1 + back).and_then(|index| records.get(index)) else { return false };
+        let bit = bit % (8 * data.len().max(1));
+        cells.bytes[data.start + bit / 8] ^= 1 << (bit % 8);
+        true
+    }
+
+    /// What it has borne since the last call of [`forget_wear`](Self::forget_wear).
+    pub fn wear(&self) -> Wear {
+        let cells = self.cells();
+        let table_pages = RECORDS.start / cells.chip.erase_bytes();
+        let table_erasures = cells.erasures.iter().take(table_pages).copied().max().unwrap_or(0);
+        Wear { table_erasures, record_bytes: cells.record_bytes }
+    }
+
+    /// Counts what it bears from now on.
+    pub fn forget_wear(&self) {
+        let mut cells = self.cells();
+        cells.erasures.fill(0);
+        cells.record_bytes = 0;
     }
 
     /// Writes to words that were not erased, which the part refuses.
@@ -337,7 +416,7 @@ impl MemoryFlash {
 
 /// The flash of one chip, as the firmware sees it.
 macro_rules! nor_flash {
-    ($chip:ident, $write_bytes:literal) => {
+    ($chip:ident) => {
         pub(super) struct $chip(pub(super) MemoryFlash);
 
         impl ErrorType for $chip {
@@ -357,7 +436,7 @@ macro_rules! nor_flash {
         }
 
         impl NorFlash for $chip {
-            const WRITE_SIZE: usize = $write_bytes;
+            const WRITE_SIZE: usize = Chip::$chip.word_bytes();
             const ERASE_SIZE: usize = Chip::$chip.erase_bytes();
 
             async fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
@@ -371,5 +450,5 @@ macro_rules! nor_flash {
     };
 }
 
-nor_flash!(Stm32l475, 8);
-nor_flash!(Rp2040, 1);
+nor_flash!(Stm32l475);
+nor_flash!(Rp2040);

@@ -26,7 +26,7 @@ pub use bench::{Bench, Physical};
 pub use board::{ChainFaults, DEVICE, Pin};
 pub use chip::Chip;
 use darm_device::link::{Link, LinkError};
-pub use flash::{FlashError, MemoryFlash};
+pub use flash::{FlashError, MemoryFlash, Wear};
 
 /// A board with a plant that somebody steps, in virtual time.
 pub trait Stepped {

@@ -56,6 +56,8 @@ const LOAD_SIGN: u16 = 1 << 10;
 const OVERLOADED: u8 = 1 << 5;
 /// Of this number of answers of a servo with a bad contact one is damaged.
 const DAMAGED_IN: u64 = 3;
+/// The same of requests.
+const MISLED_IN: u64 = 2;
 
 /// Servos with faults: bit `i` is servo joint `i`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -74,6 +76,8 @@ pub struct ServoFaults {
     pub damaged: u8,
     /// They report an overload.
     pub overloaded: u8,
+    /// Some of what is written to them arrives with two bits changed, and with a sum that is right: they do that.
+    pub misled: u8,
 }
 
 impl ServoFaults {
@@ -88,6 +92,7 @@ impl ServoFaults {
             unconfirmed: bit(self.unconfirmed),
             damaged: bit(self.damaged),
             overloaded: bit(self.overloaded),
+            misled: bit(self.misled),
         }
     }
 }
@@ -109,6 +114,8 @@ pub struct ServoState {
     pub answers: u32,
     /// Its shaft cannot turn.
     pub is_blocked: bool,
+    /// Requests that it has obeyed and that had been damaged on their way.
+    pub misled: u32,
 }
 
 /// One servo.
@@ -121,6 +128,7 @@ struct Servo {
     /// Where it rests beside its goal, steps.
     bend_steps: f32,
     answers: u32,
+    misled: u32,
     faults: ServoFaults,
 }
 
@@ -131,8 +139,8 @@ impl Servo {
         registers[..6].copy_from_slice(&[3, 10, 0, 9, 3, id]);
         registers[register::VOLTAGE] = 74;
         registers[register::TEMPERATURE] = 30;
-        let (bend_steps, answers, faults) = (0.0, 0, ServoFaults::default());
-        let mut servo = Self { registers, offset_rad, position, bend_steps, answers, faults };
+        let (bend_steps, answers, misled, faults) = (0.0, 0, 0, ServoFaults::default());
+        let mut servo = Self { registers, offset_rad, position, bend_steps, answers, misled, faults };
         servo.set(register::TORQUE_LIMIT, 1000);
         servo.set(register::GOAL_POSITION, position as u16);
         servo.show(0.0);
@@ -174,6 +182,7 @@ impl Servo {
             torque_limit: self.get(register::TORQUE_LIMIT),
             answers: self.answers,
             is_blocked: self.is_blocked(),
+            misled: self.misled,
         }
     }
 
@@ -304,13 +313,16 @@ impl ServoBus {
                 let hearing = |servo: &&mut Servo| servo.faults.silent | servo.faults.deaf == 0;
                 self.servos.iter_mut().filter(hearing).for_each(|servo| servo.write(*at, bytes));
             }
-            (instruction::WRITE, [at, bytes @ ..]) => self.answer(packet.id, answers, |servo| {
-                if servo.faults.deaf != 0 {
-                    return None;
-                }
-                servo.write(*at, bytes);
-                (servo.faults.unconfirmed == 0).then_some(&[])
-            }),
+            (instruction::WRITE, [at, bytes @ ..]) => {
+                let bytes = self.heard(packet.id, bytes);
+                self.answer(packet.id, answers, |servo| {
+                    if servo.faults.deaf != 0 {
+                        return None;
+                    }
+                    servo.write(*at, &bytes);
+                    (servo.faults.unconfirmed == 0).then_some(&[])
+                });
+            }
             (instruction::SYNC_READ, [at, count, ids @ ..]) => {
                 for &id in ids {
                     self.answer(id, answers, |servo| servo.read(*at, *count));
@@ -326,6 +338,21 @@ impl ServoBus {
             _ => {}
         }
         self.servos.iter_mut().for_each(|servo| servo.advance(0.0));
+    }
+
+    /// What arrives of values that are written to the servo of this address.
+    fn heard(&mut self, id: u8, bytes: &[u8]) -> Vec<u8> {
+        let (mut heard, mut noise) = (bytes.to_vec(), self.noise);
+        let Some(servo) = self.servo(id).filter(|servo| servo.faults.misled != 0 && servo.faults.deaf == 0) else {
+            return heard;
+        };
+        noise = scrambled(noise);
+        if (noise >> 32).is_multiple_of(MISLED_IN) {
+            damage(&mut heard, noise);
+            servo.misled += u32::from(heard != bytes);
+        }
+        self.noise = noise;
+        heard
     }
 
     /// Lets the servo of this address do something and answer.
@@ -510,6 +537,20 @@ mod tests {
         assert!(answers.iter().all(|answer| answer[5 + 6] == super::check(&answer[2..5 + 6])));
         let other = answers.iter().filter(|answer| answer[5..7] != [0, 8]).count();
         assert!((5..40).contains(&other), "{other} of 60");
+    }
+
+    #[test]
+    fn a_damaged_request_is_obeyed_as_it_arrives_and_counted() {
+        let mut bus = broken(ServoFaults { misled: 1, ..ServoFaults::default() });
+        let written = [1, 0, 0, 12, 0, 0, 0, 1, 232, 3];
+        let mut others = 0;
+        for _ in 0..40 {
+            let answer = bus.receive(0.0, &packet(1, instruction::WRITE, &[&[40][..], &written].concat()));
+            assert_eq!(answer, packet(1, 0, &[]), "it answers that all is well");
+            others += u32::from(bus.receive(0.0, &packet(1, instruction::READ, &[40, 10]))[5..15] != written);
+        }
+        assert!((8..32).contains(&others), "{others} of 40");
+        assert_eq!(bus.states().next().map(|state| state.misled), Some(others));
     }
 
     #[test]
