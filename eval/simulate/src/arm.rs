@@ -95,6 +95,8 @@ pub struct ArmPlan {
     pub budget_ms: u16,
     /// The contact of the emergency stop opens when it is pressed.
     pub stop_opens: bool,
+    /// Below this supply of the board the safe state is latched, mV.
+    pub min_supply_mv: Option<u16>,
 }
 
 impl ArmPlan {
@@ -105,7 +107,8 @@ impl ArmPlan {
         let mut lines: Vec<u8> = (0..top).collect();
         lines.shuffle(rng);
         let (coils, actuators, servos) = (Vec::new(), Vec::new(), Vec::new());
-        let mut arm = Self { coils, actuators, servos, new_loads: 0, budget_ms: 0, stop_opens: false };
+        let mut arm =
+            Self { coils, actuators, servos, new_loads: 0, budget_ms: 0, stop_opens: false, min_supply_mv: None };
         for index in 0..rng.random_range(1..=8u8) {
             let states = *[2, 2, 2, 3, 4].get(rng.random_range(0..5usize)).unwrap_or(&2);
             let kind = rng.random_range(0..4u8);
@@ -188,11 +191,24 @@ impl ArmPlan {
     /// The profile that a person has written to the board: it allows just this arm.
     pub fn profile(&self) -> BoardProfile {
         let emergency_stop = Some(EmergencyStop { input: EMERGENCY_STOP, opens: self.stop_opens });
-        let mut profile = Profile { emergency_stop, ..Profile::of(&self.wiring()) };
+        let mut profile = Profile { emergency_stop, min_supply_mv: self.min_supply_mv, ..Profile::of(&self.wiring()) };
         for (servo, plan) in profile.servos.iter_mut().zip(&self.servos) {
             servo.fallback = if plan.is_released { Fallback::Release } else { Fallback::Hold };
         }
         BoardProfile::new("drawn", profile)
+    }
+
+    /// A profile that feeds one load at once and allows half of the range of each servo: no table of the arm is for it. The limits of the
+    /// outputs are the same, for the board takes one whose limits have changed for exhausted.
+    pub fn tighter_profile(&self) -> BoardProfile {
+        let mut tighter = Self { new_loads: 1, ..self.clone() };
+        tighter.servos.iter_mut().for_each(|servo| servo.range_rad /= 2.0);
+        tighter.profile()
+    }
+
+    /// A coil that stays on while it is commanded, where there is one.
+    pub fn steady_coil(&self) -> Option<u8> {
+        (0u8..).zip(&self.coils).find(|(_, coil)| !matches!(coil.drive, DrivePlan::Latch(..))).map(|(coil, _)| coil)
     }
 
     /// The same wiring with the actuators in the opposite order: a coil's index is not its output's number.

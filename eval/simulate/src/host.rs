@@ -2,6 +2,7 @@
 
 mod acts;
 mod connection;
+mod rest_acts;
 
 use darm_core::sequencer::{Command, Event, Fault, FaultKind};
 use darm_device::client::Client;
@@ -129,6 +130,12 @@ impl<'s> Host<'s> {
             HostAct::MoveContradicted(is_closed) => return self.move_contradicted(is_closed, seed),
             HostAct::StoreUnderWay => return self.store_under_way(seed),
             HostAct::ActWhileSafe(form) => return self.act_while_safe(form, seed),
+            HostAct::LoseProfile => return self.lose_profile(seed),
+            HostAct::LoseOffsets => return self.lose_offsets(seed),
+            HostAct::RepeatStart => return self.repeat_start(seed),
+            HostAct::Mislead => return self.mislead(seed),
+            HostAct::Supply(form) => return self.supply(form, seed),
+            HostAct::WearOut(tables) => return self.wear_out(tables, seed),
             HostAct::LateHello => return self.late_hello(seed),
             HostAct::WriteProfile(is_attended) => return self.write_profile(is_attended),
             HostAct::PlayContradicted(is_closed) => return self.play_contradicted(is_closed, seed),

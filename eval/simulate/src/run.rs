@@ -46,6 +46,7 @@ pub fn run(script: &Script, readable: bool) -> Outcome {
         let now_ms = world::with(|world| world.now_ns()) / 1_000_000;
         world::pass(script.min_ms.saturating_sub(now_ms));
         host.look_back();
+        world::with(World::judge_wear);
     });
     if let Err(message) = acted {
         world::with(|world| world.reports.on_host_panic(world.now_ns(), &message));
@@ -53,10 +54,12 @@ pub fn run(script: &Script, readable: bool) -> Outcome {
     let Host { struck, first_upload, .. } = host;
     let world = world::leave().expect("it was entered above");
     let now_ns = world.now_ns();
-    let World { pins, servos, switches, person, reports, injected, recoveries, trace, .. } = world;
+    let World { pins, servos, switches, board_supply, wear, person, reports, injected, recoveries, trace, .. } = world;
     let mut verdict = pins.finish(now_ns);
     verdict.extend(servos.finish());
     verdict.extend(switches.finish());
+    verdict.extend(board_supply.finish());
+    verdict.extend(wear.finish());
     verdict.extend(person.finish());
     verdict.extend(reports.finish());
     let (seed, loss_percent, digest) = (script.seed, script.loss_percent, trace.digest());

@@ -14,6 +14,9 @@ pub const LOSSES: [u32; 6] = [0, 1, 5, 10, 20, 30];
 /// A run lasts at least this time.
 pub const MIN_MS: u64 = 60_000;
 
+/// This time after the last disturbance has begun most of them have ended, ms.
+const CALM_MS: u64 = 1_500;
+
 /// What the host does, one after the other.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum HostAct {
@@ -69,6 +72,34 @@ pub enum HostAct {
     StoreUnderWay,
     /// The emergency stop was pressed; then a stop of this form and commands come, and nobody leaves the safe state.
     ActWhileSafe(StopForm),
+    /// A person replaces the profile, a bit of each copy of the newest record turns, and the board starts again.
+    LoseProfile,
+    /// The same of zero offsets.
+    LoseOffsets,
+    /// A bit of one copy of the number of the start turns, the board starts again, and what opened a connection before comes again.
+    RepeatStart,
+    /// Servos turn, and some of what is written to one of them is damaged with a sum that is right.
+    Mislead,
+    /// Something is driven, and the supply of the board does this.
+    Supply(SupplyForm),
+    /// Somebody has tables stored, or zero offsets (`false`), as fast as the board takes them, over starts too.
+    WearOut(bool),
+}
+
+/// What the supply of the board does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SupplyForm {
+    /// It falls for good.
+    Falls,
+    /// It dips for 38 ms each second: a motor that starts.
+    Dips,
+    /// It is low for 40 ms and good for 40 ms, again and again: it switches itself off at overload.
+    Collapses,
+}
+
+impl SupplyForm {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Falls, Self::Dips, Self::Collapses];
 }
 
 /// In which way somebody stops the arm.
@@ -311,6 +342,7 @@ impl Script {
             }
             script.draw_rare();
             script.draw_last();
+            script.draw_at_rest();
         }
         script
     }
@@ -400,6 +432,29 @@ impl Script {
         }
     }
 
+    /// What damages or wears the store, the supply and requests on the servo bus: one of these behind everything, in five seeds of
+    /// six, drawn apart from the rest.
+    fn draw_at_rest(&mut self) {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed ^ 0x7265_7374);
+        let supply = HostAct::Supply(SupplyForm::ALL[rng.random_range(0..SupplyForm::ALL.len())]);
+        let has_servos = !self.arm.servos.is_empty();
+        let act = match rng.random_range(0..12u8) {
+            0 | 1 | 11 => HostAct::LoseProfile,
+            2 | 3 if has_servos => HostAct::LoseOffsets,
+            4 | 5 => HostAct::RepeatStart,
+            2 | 3 | 6 | 7 if self.arm.min_supply_mv.is_some() => supply,
+            8 | 9 if has_servos => HostAct::Mislead,
+            8 | 10 => HostAct::WearOut(rng.random()),
+            _ => return,
+        };
+        // Nothing else of the script is to come: the board is at rest, and the run lasts as long anyway.
+        let [host_ms, world_ms] = [
+            self.host.last().map_or(0, |entry| entry.at_ms),
+            self.world.last().map_or(0, |entry| entry.at_ms + CALM_MS),
+        ];
+        self.host.push(Timed { at_ms: host_ms.max(world_ms), act, seed: rng.random() });
+    }
+
     /// It connects in the midst of what the first host does.
     fn draw_second(&mut self, rng: &mut ChaCha8Rng) {
         let mut at_ms = rng.random_range(1_000..20_000);
@@ -483,7 +538,9 @@ impl Script {
 
 fn draw_arm(rng: &mut ChaCha8Rng, seed: u64) -> (ArmPlan, Vec<Table>) {
     loop {
-        let arm = ArmPlan { stop_opens: seed % 4 == 2, ..ArmPlan::draw(rng) };
+        // A Pico and an STM32L475 measure this one both.
+        let min_supply_mv = (seed % 3 != 2).then_some(3_000);
+        let arm = ArmPlan { stop_opens: seed % 4 == 2, min_supply_mv, ..ArmPlan::draw(rng) };
         let (wirings, profile) =
             ([arm.wiring(), arm.reversed_wiring(), arm.hasty_wiring()], arm.profile().profile.digest);
         let mut table = |index: u64| {

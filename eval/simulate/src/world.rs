@@ -7,6 +7,7 @@
 mod disturbances;
 mod plug;
 mod senders;
+mod store;
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -17,11 +18,13 @@ use darm_sim::plant::Plant;
 use darm_sim::plant::servo_bus::{ServoFaults, ServoState};
 
 use crate::arm::{ArmPlan, EMERGENCY_STOP};
+use crate::judge::board_supply::BoardSupply;
 use crate::judge::person::Person;
 use crate::judge::pins::Pins;
 use crate::judge::reports::Reports;
 use crate::judge::servos::{Joint, Servos};
 use crate::judge::switches::Switches;
+use crate::judge::wear::Wear;
 use crate::panics;
 use crate::script::{Script, Timed, WorldAct};
 use crate::second_host::{self, SecondHost};
@@ -44,6 +47,10 @@ const ENABLE_TICKS: u32 = 5;
 /// This number of ticks after a start its profile is in force at the latest.
 const START_TICKS: u32 = 800;
 
+/// Supply of the board: good, and low for every threshold of a script, mV.
+const GOOD_SUPPLY_MV: u16 = 3_300;
+const LOW_SUPPLY_MV: u16 = 2_400;
+
 /// A loose jumper opens for this time, shorter than a press needs, ms.
 const LOOSE_MS: u64 = 12;
 /// From one time to the next, ms.
@@ -62,6 +69,10 @@ pub struct World {
     pub servos: Servos,
     /// Judge 1, the limit switches.
     pub switches: Switches,
+    /// Judge 1, the supply of the board.
+    pub board_supply: BoardSupply,
+    /// Judge 1, the flash.
+    pub wear: Wear,
     /// Judge 2, the button and the profile.
     pub person: Person,
     /// Judge 2.
@@ -116,6 +127,8 @@ pub struct World {
     act_faults: ServoFaults,
     /// The host's act has the switches of these inputs stuck, closed if `true`.
     stuck: Option<(u32, bool)>,
+    /// The supply of the board is low.
+    is_supply_low: bool,
     /// The kind of the disturbance that ended last, and when, until the host gets through again.
     recovering: Option<(&'static str, u64)>,
     /// Since when the host tries to get through.
@@ -138,6 +151,7 @@ impl World {
         let mut bench = Bench::new(plant, MemoryFlash::with_profile_on(script.chip, &profile.image()));
         bench.set_clock_error(script.clock_ppm);
         bench.set_polls(2);
+        bench.set_supply(GOOD_SUPPLY_MV);
         let ceilings = script.arm.ceilings(script.clock_ppm);
         bench.hold_button(script.has_jumper);
         bench.invert_switches(u32::from(script.arm.stop_opens) << EMERGENCY_STOP);
@@ -149,6 +163,8 @@ impl World {
             pins: Pins::new(ceilings.clone()),
             servos: Servos::new(ceilings.clone()),
             switches: Switches::new(ceilings.clone(), script.arm.switches()),
+            board_supply: BoardSupply::new(ceilings.clone()),
+            wear: Wear::default(),
             person: Person::new(ceilings, profile.profile.digest.0),
             reports: Reports::new(),
             acts: script.world.iter().cloned().collect(),
@@ -180,6 +196,7 @@ impl World {
             pressed_ns: None,
             act_faults: ServoFaults::default(),
             stuck: None,
+            is_supply_low: false,
             recovering: None,
             tried_ns: None,
             recoveries: Vec::new(),
@@ -335,12 +352,19 @@ impl World {
                 self.servos.on_latched(now_ns);
             }
         }
+        if self.arm.min_supply_mv.is_some() && self.is_in_force() {
+            self.look_at_supply(now_ns);
+        }
         let broken = self.bench.plant().broken();
         let ServoFaults { silent, mute, deaf, unconfirmed, damaged, .. } = broken.servos;
-        // A board that has lost its profile knows no servo: it can stop none.
+        // A board that has lost its profile knows no servo: it can stop none, and no order gives one another goal.
+        if self.person.is_lost() {
+            self.servos.end_orders(u64::MAX);
+        }
         let is_noisy = self.is_bus_noisy() || self.person.is_lost();
         let unheard = silent | mute | deaf | unconfirmed | damaged;
         let overloaded = broken.servos.overloaded;
+        let is_bus_clear = unheard == 0 && !is_noisy;
         let joint = |(index, state): (usize, ServoState)| {
             let has = |mask: u8| mask >> index & 1 == 1;
             Joint {
@@ -353,6 +377,8 @@ impl World {
                 is_blocked: state.is_blocked,
                 is_overloaded: has(overloaded),
                 is_heard: !is_noisy && !has(unheard),
+                misled: state.misled,
+                is_bus_clear,
             }
         };
         let is_powered = self.bench.is_powered();
@@ -366,6 +392,14 @@ impl World {
         }
         if self.person.is_lost() {
             self.pins.on_forbidden(now_ns, "lost-profile", "on a board whose profile is damaged");
+        }
+    }
+
+    /// Under a low supply nothing is driven: the board has latched the safe state.
+    fn look_at_supply(&mut self, now_ns: u64) {
+        if self.board_supply.look(now_ns, self.is_supply_low) {
+            self.servos.on_latched(now_ns);
+            self.pins.on_forbidden(now_ns, "low-supply", "while the supply of the board is low");
         }
     }
 
@@ -393,6 +427,11 @@ impl World {
         self.pins.on_start(now_ns, power_was_off);
         self.servos.on_start(now_ns);
         self.person.on_start(now_ns);
+        self.board_supply.on_start();
+        if power_was_off {
+            self.bench.flash().forget_wear();
+        }
+        self.wear.on_start(now_ns, power_was_off);
         self.ended_ns = self.ended_ns.max(now_ns);
         (self.ran_ticks, self.pressed_ticks, self.enable_ticks) = (0, 0, 0);
         self.pins.on_first_return(!self.bench.chain_faults().return_cut);
@@ -415,7 +454,10 @@ impl World {
                 Physical::Power(true) => is_started = Some(true),
                 Physical::Loader if self.bench.flash().chip() == Chip::Rp2040 => self.person.on_loader(now_ns),
                 Physical::Loader => {}
-                Physical::Power(false) => self.pins.on_power_off(now_ns),
+                Physical::Power(false) => {
+                    self.pins.on_power_off(now_ns);
+                    self.judge_wear();
+                }
             }
             if let Some(power_was_off) = is_started {
                 self.on_start(power_was_off);

@@ -118,7 +118,7 @@ impl Host<'_> {
     }
 
     /// Sets the zero offsets of all servos; whether that was confirmed.
-    fn set_offsets(&mut self, offset_rad: f32) -> bool {
+    pub(super) fn set_offsets(&mut self, offset_rad: f32) -> bool {
         let (Ok(calibration), Some(client)) = (Calibration::try_from([offset_rad; 4]), self.client()) else {
             return false;
         };
@@ -254,7 +254,7 @@ impl Host<'_> {
     }
 
     /// Stops by the request that never changes, and opens the connection again, which a stop ends; whether that was confirmed.
-    fn halt(&mut self) -> bool {
+    pub(super) fn halt(&mut self) -> bool {
         let began_ns = world::with(|world| world.now_ns());
         if self.ask("stop", Client::stop_at_once).is_none() {
             return false;
@@ -347,7 +347,7 @@ impl Host<'_> {
     }
 
     /// An angle on the other side of the middle, rad.
-    fn far_angle_rad(&self, servo: usize, angle_rad: f32) -> f32 {
+    pub(super) fn far_angle_rad(&self, servo: usize, angle_rad: f32) -> f32 {
         let step = world::with(|world| world.servos.steps().get(servo).copied()).unwrap_or(2048.0);
         if step > 2048.0 { -angle_rad } else { angle_rad }
     }
@@ -517,6 +517,10 @@ impl Host<'_> {
         }
         world::with(|world| world.press_emergency_stop(true));
         world::pass(SETTLE_MS);
+        if seed >> 40 & 1 == 1 {
+            // Refused, and forgotten: it leaves no safe state later.
+            self.command("clear", Command::Clear);
+        }
         world::with(|world| world.press_emergency_stop(false));
         world::pass(20);
         self.events();

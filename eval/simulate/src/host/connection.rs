@@ -13,7 +13,7 @@ use rand::RngExt as _;
 use super::{Host, TRIES};
 use crate::answers::{asks_for_hello, ending};
 use crate::judge::reports::Ending;
-use crate::world::{self, Plug, World};
+use crate::world::{self, Party, Plug, World};
 
 /// A link whose counts can be read while a client has it.
 #[derive(Clone)]
@@ -48,6 +48,7 @@ impl Host<'_> {
         let Some(client) = self.client() else { return Ending::Unknown };
         let before = |world: &mut World| (world.now_ns(), world.servos.silent(world.now_ns()), world.pins.started_ns());
         let (began_ns, silent, started_ns) = world::with(before);
+        let latched_ns = world::with(|world| world.servos.latched_ns());
         let result = client.command(command);
         let ending = ending(&result);
         let drives = !matches!(command, Command::Stop | Command::Clear | Command::Coil { on_ms: 0, .. });
@@ -56,6 +57,13 @@ impl Host<'_> {
                 let now_ns = world.now_ns();
                 if world.servos.silent(now_ns) == Some(servo) && world.pins.started_ns() == started_ns {
                     world.reports.on_accepted_while_silent(now_ns, servo, &format!("{command:?}"));
+                }
+            });
+        }
+        if command == Command::Clear && ending == Ending::Refused {
+            world::with(|world| {
+                if !world.has_other_acted_since(Party::First, began_ns) && world.pins.started_ns() == started_ns {
+                    world.servos.on_clear_refused(latched_ns);
                 }
             });
         }

@@ -5,15 +5,19 @@
 //! | pins | edges of the four chain pins, power | [`pins`] |
 //! | pins | shafts, goals and torque of the servos, whatever the bus carries | [`servos`] |
 //! | pins | valves by their lines, limit switches as the arm has them | [`switches`] |
+//! | pins | the supply of the board, with lines and shafts | [`board_supply`] |
+//! | pins | erasures and writes of the flash | [`wear`] |
 //! | reports | what the host client reports, what flash holds, which lines pulsed | [`reports`] |
 //! | reports | the button, and which profile the board says is in force | [`person`] |
 
+pub mod board_supply;
 pub mod chain;
 pub mod person;
 pub mod pins;
 pub mod reports;
 pub mod servos;
 pub mod switches;
+pub mod wear;
 
 /// Limits of one output line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -38,6 +38,9 @@ const NOTICE_MS: u64 = 3;
 const WRITE_ANYWAY_MS: u64 = 250;
 /// A servo that turns and reports an overload rests within this time, ms: a visit, a tick and the order to hold.
 const OVERLOAD_MS: u64 = 150;
+/// What a damaged request has put into a servo is read back and written again within this time, in board time: the next visit begins 10 ms
+/// after the last one, and each servo takes up to 6 ms of it. The limits of the servo do not hold so long: nobody knows.
+const REREAD_MS: u64 = 25;
 /// Steps of one radian.
 const STEPS_PER_RAD: f32 = 4096.0 / std::f32::consts::TAU;
 
@@ -62,6 +65,10 @@ pub struct Joint {
     pub is_overloaded: bool,
     /// Its answers and orders arrive as they were sent.
     pub is_heard: bool,
+    /// Damaged requests that it has obeyed.
+    pub misled: u32,
+    /// Nothing else delays the visits of the bus.
+    pub is_bus_clear: bool,
 }
 
 /// What somebody wants of the servos.
@@ -106,6 +113,10 @@ struct Track {
     moved_ns: Option<u64>,
     /// Whether an order explains its goal, at that number of changes of the orders.
     explained: Option<(u64, bool)>,
+    /// When it obeyed a damaged request, until what it does is judged again.
+    misled_ns: Option<u64>,
+    /// The same until its goal is judged again: one that was changed meanwhile has its own time.
+    doubtful_ns: Option<u64>,
 }
 
 /// The judge's memory.
@@ -124,6 +135,8 @@ pub struct Servos {
     /// Since when no order was there after a start: what the profile says of the safe state holds then too.
     fallen_back_ns: Option<u64>,
     looked_ns: u64,
+    /// When orders have begun or ended last.
+    ordered_ns: u64,
     verdict: Verdict,
 }
 
@@ -140,6 +153,7 @@ impl Servos {
             latched_ns: None,
             fallen_back_ns: Some(0),
             looked_ns: 0,
+            ordered_ns: 0,
             verdict: Verdict::default(),
         }
     }
@@ -160,10 +174,17 @@ impl Servos {
         }
     }
 
+    /// The board has confirmed this zero offset for all servos, which rest, and nobody else has set another one since it was requested.
+    pub fn on_offset_confirmed(&mut self, offset_rad: f32) {
+        self.offsets_rad = vec![offset_rad];
+        self.changes += 1;
+    }
+
     /// An order arrives, on a connection that is open or as text. In the safe state it is none.
     pub fn on_order(&mut self, now_ns: u64, wish: Wish) {
         if self.latched_ns.is_none() {
             self.fallen_back_ns = None;
+            self.ordered_ns = now_ns;
             self.orders.retain(|order| order.wish != wish);
             self.orders.push(Order { at_ns: now_ns, wish });
             self.changes += 1;
@@ -173,6 +194,7 @@ impl Servos {
 
     /// Orders that came before this time explain nothing any more: a stop or a fault came.
     pub fn end_orders(&mut self, before_ns: u64) {
+        self.ordered_ns = self.looked_ns;
         self.orders.retain(|order| order.at_ns >= before_ns);
         self.changes += 1;
     }
@@ -193,6 +215,19 @@ impl Servos {
         self.latched_ns = None;
     }
 
+    /// Since when the safe state is latched, as far as the judge knows.
+    pub fn latched_ns(&self) -> Option<u64> {
+        self.latched_ns
+    }
+
+    /// Somebody asked for the safe state to be left, and was refused: it is what it was before, and commands since then are none.
+    pub fn on_clear_refused(&mut self, before_ns: Option<u64>) {
+        if before_ns.is_some() {
+            self.end_orders(u64::MAX);
+            self.latched_ns = before_ns;
+        }
+    }
+
     /// The firmware starts again and knows no position.
     pub fn on_start(&mut self, now_ns: u64) {
         self.end_orders(u64::MAX);
@@ -201,6 +236,8 @@ impl Servos {
             track.motion = Motion::Stopping(now_ns);
             (track.answered_ns, track.overloaded_ns, track.moved_ns) = (None, None, None);
             track.excused_ns = now_ns + (START_MS - HOLD_MS) * MS;
+            track.misled_ns = track.misled_ns.map(|_| track.excused_ns);
+            track.doubtful_ns = None;
             track.driven_ns = track.last.has_torque.then_some(now_ns);
         }
     }
@@ -233,6 +270,8 @@ impl Servos {
                     overloaded_ns: None,
                     moved_ns: None,
                     explained: None,
+                    misled_ns: None,
+                    doubtful_ns: None,
                 });
                 continue;
             };
@@ -268,7 +307,8 @@ impl Servos {
         if joint.goal != before.goal {
             track.explained = None;
         }
-        let falls = before.has_torque && !joint.has_torque && is_powered;
+        let is_misled = self.is_misled(now_ns, &mut track, joint.misled != before.misled, is_powered);
+        let falls = before.has_torque && !joint.has_torque && is_powered && !is_misled;
         if falls && self.ceiling(id).is_some_and(|servo| !servo.is_released) {
             self.verdict.note(JUDGE, "servo-hold", now_ns, || {
                 format!("servo {id} loses its torque, and the profile lets it hold in every state")
@@ -282,16 +322,23 @@ impl Servos {
         };
         let turned = joint.step - before.step;
         if joint.has_torque {
-            self.check_limits(now_ns, span_ns, joint, turned, &servo);
+            if !is_misled {
+                self.check_limits(now_ns, span_ns, joint, turned, &servo);
+            }
             let is_new = gets_torque || joint.goal != before.goal;
             if is_new && track.answered_ns.is_none() && is_powered {
                 self.verdict.note(JUDGE, "torque-unseen", now_ns, || {
                     format!("servo {id} is driven, and it has never answered since the start")
                 });
             }
-            if is_new {
+            if is_new && !is_misled {
                 self.check_goal(now_ns, index, joint, &servo);
             }
+        }
+        self.check_misled(now_ns, index, &mut track, &servo);
+        if is_misled {
+            // Where it comes to rest afterwards is where it rests.
+            track.motion = Motion::Stopping(now_ns);
         }
         // One that rests may bend a little, as when what had blocked it goes away.
         if turned.abs() > REST_STEPS && !matches!(track.motion, Motion::Resting(_)) {
@@ -305,6 +352,34 @@ impl Servos {
             track.motion = Motion::Stopping(now_ns);
         }
         track
+    }
+
+    /// Whether it obeys a damaged request now, which nobody can know before its registers are read back.
+    fn is_misled(&self, now_ns: u64, track: &mut Track, is_new: bool, is_powered: bool) -> bool {
+        if is_new || track.misled_ns.is_some() && !(track.last.is_bus_clear && is_powered) {
+            track.misled_ns = track.misled_ns.max(Some(now_ns));
+        }
+        let Some(misled_ns) = track.misled_ns else { return false };
+        if now_ns <= misled_ns + self.ceilings.true_ns(REREAD_MS) {
+            return true;
+        }
+        (track.misled_ns, track.doubtful_ns) = (None, Some(now_ns));
+        false
+    }
+
+    /// What a damaged request had put into it is gone: it has a goal that an order explains, or is at its goal.
+    fn check_misled(&mut self, now_ns: u64, index: usize, track: &mut Track, servo: &ServoCeiling) {
+        if track.doubtful_ns.is_none() || now_ns <= self.ordered_ns + self.ceilings.true_ns(HOLD_MS) {
+            return;
+        }
+        track.doubtful_ns = None;
+        let Joint { id, goal, step, has_torque, .. } = track.last;
+        let late = f32::from(servo.max_steps_s) * 1e-3 * READ_AGE_MS as f32;
+        if has_torque && (goal - step).abs() > HOLD_STEPS + late && !self.is_ordered(index, goal) {
+            self.verdict.note(JUDGE, "misled-goal", now_ns, || {
+                format!("servo {id} keeps the goal {goal:.0} of a damaged request for more than {REREAD_MS} ms")
+            });
+        }
     }
 
     fn ceiling(&self, id: u8) -> Option<ServoCeiling> {
@@ -485,6 +560,7 @@ impl Servos {
             }
             track.answered_ns = track.answered_ns.map(|at_ns| at_ns + span_ns);
             track.excused_ns = track.excused_ns.max(now_ns);
+            track.misled_ns = track.misled_ns.map(|at_ns| at_ns + span_ns);
         }
     }
 

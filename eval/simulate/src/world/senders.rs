@@ -149,6 +149,7 @@ impl World {
 
     /// The hostile sender asks for the challenge, and sends these on a separate connection when it comes.
     pub(super) fn call(&mut self, link: u32, number: u16, frames: Vec<Sent>) {
+        self.hostile_ns = Some(self.now_ns());
         self.bench.send(&hostile::hello(link, number, 0));
         self.callers.push(Caller { link, number, until_ns: self.now_ns() + CALL_NS, frames });
     }
@@ -213,6 +214,7 @@ impl World {
 
     fn on_cleared(&mut self) {
         self.cleared_ns = self.now_ns();
+        self.board_supply.on_cleared();
         self.servos.on_cleared();
     }
 
@@ -263,8 +265,11 @@ impl World {
             Request::Calibrate(calibration) => {
                 calibration.offsets_rad().into_iter().for_each(|offset_rad| self.servos.on_offset(offset_rad));
             }
-            Request::Commit(image) if image.kind == ImageKind::Profile => {
-                self.person.on_commit(now_ns, image.digest.0);
+            Request::Commit(image) => {
+                self.wear.on_commit();
+                if image.kind == ImageKind::Profile {
+                    self.person.on_commit(now_ns, image.digest.0);
+                }
             }
             _ => {}
         }
@@ -284,6 +289,9 @@ impl World {
         let fault_ns = started_ns + self.pins.true_us_ns(fault.at.0);
         if matches!(fault.kind, FaultKind::Switch { .. }) && self.has_own_table {
             self.switches.on_fault(now_ns, fault_ns);
+        }
+        if matches!(fault.kind, FaultKind::Supply { .. }) {
+            self.board_supply.on_fault(now_ns, fault_ns);
         }
         if self.cleared_ns < fault_ns {
             self.servos.on_fault(now_ns, fault_ns);

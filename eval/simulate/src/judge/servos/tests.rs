@@ -13,6 +13,8 @@ const REST: Joint = Joint {
     is_blocked: false,
     is_overloaded: false,
     is_heard: true,
+    misled: 0,
+    is_bus_clear: true,
 };
 
 /// The judge of one servo that has answered and holds in the middle.
@@ -262,4 +264,58 @@ fn a_servo_that_nobody_wired_is_not_driven() {
     assert!(judge.verdict.firsts().is_empty());
     judge.look(7 * MS, true, [REST, Joint { has_torque: true, ..stranger }].into_iter());
     assert_eq!(broken(judge), ["servo-wiring"]);
+}
+
+/// A servo on its way to an ordered goal obeys a damaged request, and has its own goal again after so many ticks.
+fn is_misled_for(ticks: u64) -> Vec<&'static str> {
+    let mut judge = judge(false);
+    judge.on_order(4 * MS, Wish::Angle(0, 500.0 / super::STEPS_PER_RAD));
+    let ordered = Joint { goal: 2548.0, ..REST };
+    let joint = turn(&mut judge, 4, 200, ordered, 500.0);
+    let misled = Joint { goal: 1200.0, torque_limit: 1000, misled: 1, ..joint };
+    let joint = turn(&mut judge, 204, ticks, misled, 900.0);
+    turn(&mut judge, 204 + ticks, 500, Joint { goal: 2548.0, torque_limit: 800, ..joint }, 500.0);
+    broken(judge)
+}
+
+#[test]
+fn a_servo_may_obey_a_damaged_request_until_it_is_read_back() {
+    assert!(is_misled_for(25).is_empty());
+    let rules = is_misled_for(40);
+    assert!(["misled-goal", "servo-torque", "servo-speed"].iter().all(|rule| rules.contains(rule)), "{rules:?}");
+}
+
+#[test]
+fn a_damaged_request_excuses_nothing_after_its_time() {
+    let mut judge = judge(false);
+    let joint = turn(&mut judge, 4, 60, Joint { misled: 1, ..REST }, 0.0);
+    turn(&mut judge, 64, 1, Joint { goal: 2400.0, ..joint }, 500.0);
+    assert_eq!(broken(judge), ["unasked-goal"]);
+}
+
+#[test]
+fn an_offset_that_was_replaced_explains_no_goal() {
+    for (newest_rad, is_asked) in [(0.2, true), (-0.1, false)] {
+        let mut judge = judge(false);
+        [0.2, newest_rad].into_iter().for_each(|rad| judge.on_offset(rad));
+        judge.on_offset_confirmed(newest_rad);
+        judge.on_order(5 * MS, Wish::Angle(0, 0.3));
+        let goal = 2048.0 + 0.5 * super::STEPS_PER_RAD;
+        judge.look(6 * MS, true, [Joint { goal, ..REST }].into_iter());
+        assert_eq!(broken(judge).is_empty(), is_asked, "{newest_rad}");
+    }
+}
+
+#[test]
+fn a_clear_that_was_refused_has_not_left_the_safe_state() {
+    let mut judge = judge(false);
+    judge.on_latched(5 * MS);
+    let before_ns = judge.latched_ns();
+    judge.on_cleared();
+    judge.on_order(6 * MS, Wish::Angle(0, 0.3));
+    judge.on_clear_refused(before_ns);
+    assert!(judge.is_latched());
+    let goal = 2048.0 + 0.3 * super::STEPS_PER_RAD;
+    judge.look(7 * MS, true, [Joint { goal, ..REST }].into_iter());
+    assert_eq!(broken(judge), ["unasked-goal"]);
 }

@@ -1,0 +1,266 @@
+//! The host's acts on a board whose flash, supply or servo bus fails or wears, after everything else.
+
+use darm_arm::board_profile::BoardProfile;
+use darm_core::sequencer::Command;
+use darm_core::wire::bootstrap::RebootTarget;
+use darm_core::wire::message::Calibration;
+use darm_sim::plant::servo_bus::ServoFaults;
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+
+use super::Host;
+use crate::answers::{PULSE_MS, SETTLE_MS};
+use crate::script::SupplyForm;
+use crate::words;
+use crate::world::{self, Party};
+
+/// Zero offsets that are replaced, and their opposite, which replaces them, rad: farther apart than any two goals count as one.
+const OFFSET_RAD: f32 = 0.05;
+/// Servos that may be misled turn this far, rad: no damaged request takes them out of their range before it is read back.
+const TURN_RAD: f32 = 0.25;
+/// Turns of a servo, some of whose requests are damaged, and the time of each, ms.
+const TURNS: u64 = 4;
+const TURN_MS: u64 = 90;
+/// What is driven while the supply fails is on for this time, ms: below the shortest limit of on-time.
+const DRIVEN_MS: u32 = 700;
+/// A dip of the supply, and the time from one to the next, ms.
+const DIP_MS: u64 = 38;
+const DIP_PERIOD_MS: u64 = 1_000;
+/// A supply that switches itself off at overload, ms, and how often.
+const COLLAPSE_MS: u64 = 40;
+const COLLAPSES: u64 = 8;
+/// Starts in which somebody begins this number of tables each, together more than the board takes; and sets zero offsets.
+const TABLE_STARTS: u32 = 4;
+const TABLES: u16 = 75;
+const OFFSET_STARTS: u32 = 12;
+const OFFSETS: u16 = 8;
+/// So many writes in a row that the board refuses are enough.
+const MAX_REFUSALS: u32 = 2;
+/// A write begins within this time, ms, and has ended when nothing changes for that.
+const WRITE_MS: u64 = 80;
+const REST_MS: u64 = 4;
+/// A board has started, or opened a connection, within this time, ms.
+const START_MS: u64 = 60;
+
+impl Host<'_> {
+    /// Whether the board is at rest with a table of the script; one is uploaded where there is none.
+    fn is_ready(&mut self) -> bool {
+        if self.is_own_table_at_rest() {
+            return true;
+        }
+        self.command("clear", Command::Clear);
+        self.upload(0);
+        self.is_own_table_at_rest()
+    }
+
+    /// Everything that would move something, one after the other.
+    fn try_all(&mut self, seed: u64) {
+        let coil = self.script.arm.steady_coil().unwrap_or(0);
+        let commands = [
+            Command::Coil { coil, on_ms: PULSE_MS },
+            Command::Word(words::word(&self.script.arm, seed)),
+            Command::Servo { servo: 0, angle_rad: self.far_angle_rad(0, 0.4) },
+            Command::Play,
+        ];
+        for command in commands {
+            self.command("try", command);
+            world::pass(30);
+        }
+        world::pass(SETTLE_MS);
+    }
+
+    /// A person at the button replaces the profile; whether the board says that this one is in force.
+    fn put_profile(&mut self, profile: &BoardProfile) -> bool {
+        if !self.halt() || !world::with(|world| world.attend(true)) {
+            return false;
+        }
+        world::pass(50);
+        world::with(|world| world.on_profile_replaced());
+        if let Some(client) = self.client() {
+            let result = client.upload(&profile.image(), &mut |_| {});
+            self.note("profile", result);
+        }
+        world::pass(SETTLE_MS);
+        world::with(|world| world.attend(false));
+        let is_open = self.renew();
+        let hello = self.client.as_ref().and_then(|(client, _)| client.hello());
+        is_open && hello.is_some_and(|hello| hello.profile == profile.profile.digest)
+    }
+
+    /// The profile is replaced by a tighter one, whose record is damaged at rest: the arm does not move by the one before.
+    pub(super) fn lose_profile(&mut self, seed: u64) {
+        // What comes later may damage the arm's own profile.
+        if self.script.has_jumper || world::with(|world| world.has_acts_ahead()) || !self.is_ready() {
+            return;
+        }
+        let tighter = self.script.arm.tighter_profile();
+        let is_replaced = self.put_profile(&tighter);
+        if is_replaced && world::with(|world| world.lose_profile(tighter.profile.digest, seed)) {
+            world::pass(2 * SETTLE_MS);
+            self.renew();
+            self.try_all(seed >> 16);
+        }
+        self.put_profile(&self.script.arm.profile());
+    }
+
+    /// Zero offsets are replaced by others, whose record is damaged at rest: no joint turns by those before.
+    pub(super) fn lose_offsets(&mut self, seed: u64) {
+        if !self.is_ready() {
+            return;
+        }
+        let began_ns = world::with(|world| world.now_ns());
+        let newest_rad = if seed & 1 == 0 { OFFSET_RAD } else { -OFFSET_RAD };
+        if !self.set_offsets(-newest_rad) || !self.set_offsets(newest_rad) {
+            return;
+        }
+        let Ok(newest) = Calibration::try_from([newest_rad; 4]) else { return };
+        let is_lost = world::with(|world| {
+            if !world.has_other_acted_since(Party::First, began_ns) {
+                world.servos.on_offset_confirmed(newest_rad);
+            }
+            world.lose_offsets(&newest, seed >> 1)
+        });
+        if is_lost {
+            world::pass(2 * SETTLE_MS);
+            self.renew();
+            self.try_all(seed >> 16);
+            self.halt();
+        }
+        self.set_offsets(0.0);
+    }
+
+    /// What opened the first connection of a start comes again in the next start, before which a copy of the number was damaged.
+    pub(super) fn repeat_start(&mut self, seed: u64) {
+        if !self.is_ready() || self.ask("reboot", |client| client.reboot(RebootTarget::Application)).is_none() {
+            return;
+        }
+        world::pass(SETTLE_MS);
+        if !self.renew() {
+            return;
+        }
+        let Some(first) = world::with(|world| world.first_link()) else { return };
+        if !world::with(|world| world.damage_last_start(seed)) {
+            return;
+        }
+        world::pass(SETTLE_MS);
+        world::with(|world| world.send_commands_of_before(first, seed));
+        world::pass(SETTLE_MS);
+    }
+
+    /// Servos turn, and some of what is written to one of them arrives as something else.
+    pub(super) fn mislead(&mut self, seed: u64) {
+        let count = self.script.arm.servos.len();
+        if count == 0 || !self.is_ready() {
+            return;
+        }
+        let index = seed as usize % count;
+        world::with(|world| world.break_servos(ServoFaults { misled: 1 << index, ..ServoFaults::default() }));
+        for turn in 0..TURNS {
+            for servo in 0..count {
+                let angle_rad = self.far_angle_rad(servo, TURN_RAD);
+                self.command("turn", Command::Servo { servo: servo as u8, angle_rad });
+            }
+            world::pass(TURN_MS + (seed >> (8 + 8 * turn)) % TURN_MS);
+        }
+        world::with(|world| world.break_servos(ServoFaults::default()));
+        world::pass(SETTLE_MS);
+        self.events();
+        self.command("clear", Command::Clear);
+    }
+
+    /// Something is driven while the supply of the board fails.
+    pub(super) fn supply(&mut self, form: SupplyForm, seed: u64) {
+        if !self.is_ready() {
+            return;
+        }
+        // What runs is not to end by itself.
+        world::pass(2 * SETTLE_MS);
+        self.drive();
+        world::pass(10 + seed % 60);
+        match form {
+            SupplyForm::Falls => {
+                world::with(|world| world.set_supply(true));
+                world::pass(150);
+                self.command("clear", Command::Clear);
+                self.drive();
+                world::pass(100);
+            }
+            SupplyForm::Dips => {
+                for _ in 0..2 {
+                    self.dip(DIP_MS);
+                    world::pass(DIP_PERIOD_MS - DIP_MS);
+                }
+            }
+            SupplyForm::Collapses => {
+                for _ in 0..COLLAPSES {
+                    self.dip(COLLAPSE_MS);
+                    world::pass(COLLAPSE_MS);
+                }
+            }
+        }
+        self.events();
+        world::with(|world| world.set_supply(false));
+        world::pass(SETTLE_MS);
+        self.command("clear", Command::Clear);
+    }
+
+    /// The supply is low for this time.
+    fn dip(&self, ms: u64) {
+        world::with(|world| world.set_supply(true));
+        world::pass(ms);
+        world::with(|world| world.set_supply(false));
+    }
+
+    /// A coil and a servo.
+    fn drive(&mut self) {
+        if let Some(coil) = self.script.arm.steady_coil() {
+            self.command("drive", Command::Coil { coil, on_ms: DRIVEN_MS });
+        }
+        if !self.script.arm.servos.is_empty() {
+            let angle_rad = self.far_angle_rad(0, 0.45);
+            self.command("drive", Command::Servo { servo: 0, angle_rad });
+        }
+    }
+
+    /// Somebody has the flash written as fast as the board does it, and starts the board again in between.
+    pub(super) fn wear_out(&mut self, tables: bool, seed: u64) {
+        if !self.is_ready() {
+            return;
+        }
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let (starts, count) = if tables { (TABLE_STARTS, TABLES) } else { (OFFSET_STARTS, OFFSETS) };
+        for _ in 0..starts {
+            let link = rng.random();
+            world::with(|world| world.open_hostile(link));
+            world::pass(START_MS);
+            let (mut number, mut refusals) = (0, 0);
+            while number < 2 * count && refusals < MAX_REFUSALS {
+                let before = world::with(|world| world.borne());
+                world::with(|world| world.write_flash(tables, link, number + 1, &mut rng));
+                number += 2;
+                refusals = if is_written(before) { 0 } else { refusals + 1 };
+            }
+            let borne = world::with(|world| world.borne());
+            world::with(|world| {
+                world.say("flash", || format!("erasures of a page of tables, bytes of records: {borne:?}"))
+            });
+            world::with(|world| world.restart());
+            world::pass(START_MS);
+        }
+        world::with(|world| world.judge_wear());
+    }
+}
+
+/// Lets time pass until the flash has borne more than that, and is at rest again; whether it has.
+fn is_written(mut before: (u32, usize)) -> bool {
+    let mut is_written = false;
+    let mut still_ms = 0;
+    while still_ms < if is_written { REST_MS } else { WRITE_MS } {
+        world::pass(REST_MS);
+        let borne = world::with(|world| world.borne());
+        still_ms = if borne == before { still_ms + REST_MS } else { 0 };
+        is_written |= borne != before;
+        before = borne;
+    }
+    is_written
+}
