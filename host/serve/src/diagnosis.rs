@@ -28,7 +28,7 @@ use darm_diagnose::progress::{Progress, Stage};
 use serde::Serialize;
 
 use crate::hub::Hub;
-use crate::job_queue::JobQueue;
+use crate::job_queue::{JobQueue, Work};
 use crate::refusal::{Kind, Refused};
 use crate::upload::{MAX_FILES, Upload};
 use crate::upload_memory::{UploadBody, UploadMemory};
@@ -44,6 +44,7 @@ struct Diagnoses {
     hub: Arc<Hub>,
     tables: JobQueue,
     logs: JobQueue,
+    models: JobQueue,
     memory: UploadMemory,
 }
 
@@ -115,28 +116,30 @@ async fn result(State(diagnoses): Shared) -> Json<Option<ResultView>> {
 
 async fn known_models(State(diagnoses): Shared) -> Result<Json<Vec<KnownModel>>, Refused> {
     // In a thread: the history is a file, and a stop does not wait for one.
-    let list = tokio::task::spawn_blocking(move || models::list(&diagnoses.hub)).await;
-    list.map_err(|error| Refused::new(Kind::Refused, format!("the list of models failed: {error}")))?.map(Json)
+    let hub = Arc::clone(&diagnoses.hub);
+    diagnoses.models.run(move |work| models::list(&hub, work)).await.map(Json)
 }
 
 async fn look(State(diagnoses): Shared, body: UploadBody) -> Result<Json<LogView>, Refused> {
-    let view = move |_: &_| {
+    let view = move |work: &Work| {
         let upload = Upload::parse(&body.bytes)?;
         let sent = upload.handed();
         let data = sent.file(Path::new(&upload.data));
-        log::view(&data, &upload.columns).map_err(|fault| Refused::new(Kind::Invalid, fault))
+        log::view(&data, &upload.columns, &|| work.check()).map_err(|fault| Refused::new(Kind::Invalid, fault))
     };
     diagnoses.logs.run(view).await.map(Json)
 }
 
 async fn run(State(diagnoses): Shared, body: UploadBody) -> Result<Json<ResultView>, Refused> {
     let progress = Progress::default();
+    // Before anything is read: what is refused, or left by its page, is not work that waits for a thread.
+    let place = Place::take(&diagnoses, &progress)?;
     // Dropped with this request, when the page leaves.
     let _request = GiveUp(progress.clone());
     let work = move || {
         let upload = Upload::parse(&body.bytes)?;
         let sources = Sources::of(&diagnoses.hub, &upload)?;
-        let place = Place::take(&diagnoses, sources.to_string(), &progress)?;
+        place.name(sources.to_string());
         place.diagnose(&sources, &progress)
     };
     let result = tokio::task::spawn_blocking(work).await;
@@ -152,13 +155,16 @@ async fn make_table(State(diagnoses): Shared, Json(request): Json<TableRequest>)
     let next =
         next.ok_or_else(|| Refused::new(Kind::Invalid, "another diagnosis ended meanwhile; open the page again"))?;
     let hub = Arc::clone(&diagnoses.hub);
-    diagnoses.tables.run(move |_| open_table(&hub, request, &next)).await.map(Json)
+    diagnoses.tables.run(move |work| open_table(&hub, request, &next, work)).await.map(Json)
 }
 
-fn open_table(hub: &Hub, request: TableRequest, next: &Next) -> Result<TableView, Refused> {
+fn open_table(hub: &Hub, request: TableRequest, next: &Next, work: &Work) -> Result<TableView, Refused> {
     let no_board = "a table is made for the profile of the board; start the server with its arm";
     let wired = hub.wired().ok_or_else(|| Refused::new(Kind::Invalid, no_board))?;
+    work.check()?;
     let (view, program) = request.make(next, &wired.profile)?;
+    // A page that has left opens no table on those of others.
+    work.check()?;
     hub.set_program(Arc::new(program));
     Ok(view)
 }
@@ -175,7 +181,8 @@ impl Drop for GiveUp {
 impl Diagnoses {
     fn new(hub: Arc<Hub>) -> Self {
         let (known, memory) = (Mutex::default(), UploadMemory::new());
-        Self { known, hub, tables: JobQueue::new(), logs: JobQueue::new(), memory }
+        let [tables, logs, models] = [(); 3].map(|()| JobQueue::new());
+        Self { known, hub, tables, logs, models, memory }
     }
 
     fn known(&self) -> MutexGuard<'_, Known> {
@@ -187,7 +194,7 @@ impl Diagnoses {
 struct Place(Arc<Diagnoses>);
 
 impl Place {
-    fn take(diagnoses: &Arc<Diagnoses>, files: String, progress: &Progress) -> Result<Self, Refused> {
+    fn take(diagnoses: &Arc<Diagnoses>, progress: &Progress) -> Result<Self, Refused> {
         let mut known = diagnoses.known();
         if let Some(Running { files, progress, .. }) = &known.running {
             let text = match progress.is_cancelled() {
@@ -196,8 +203,16 @@ impl Place {
             };
             return Err(Refused::new(Kind::Refused, text));
         }
+        let files = "files that were just sent".into();
         known.running = Some(Running { files, since: Instant::now(), progress: progress.clone() });
         Ok(Self(Arc::clone(diagnoses)))
+    }
+
+    /// Says which files are diagnosed.
+    fn name(&self, files: String) {
+        if let Some(running) = &mut self.0.known().running {
+            running.files = files;
+        }
     }
 
     fn diagnose(&self, sources: &Sources<'_>, progress: &Progress) -> Result<ResultView, Refused> {

@@ -1,4 +1,7 @@
 //! Work that takes a while: in a thread, one piece at a time, given up when its page has left.
+//!
+//! Whatever a request does in a thread goes through a queue: the threads of the runtime are many, and what waits for one of them
+//! is run after its page has left. A piece that nobody waits for keeps the place until it notices, so that it counts like another.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -32,6 +35,17 @@ pub(crate) struct RunningView {
     /// 0 to 1; `None` where it is not known.
     share: Option<f64>,
     for_s: f64,
+}
+
+/// Nobody waits for the work any more: its page has left.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the page has left")]
+pub(crate) struct Unwanted;
+
+impl From<Unwanted> for Refused {
+    fn from(unwanted: Unwanted) -> Self {
+        Self::new(Kind::Refused, unwanted)
+    }
 }
 
 /// What work says about itself, and whether it is still wanted.
@@ -91,6 +105,15 @@ impl Work {
     /// Whether the page still waits for it.
     pub(crate) fn is_wanted(&self) -> bool {
         !self.is_unwanted.load(Ordering::Relaxed)
+    }
+
+    /// An error once nobody waits for it.
+    ///
+    /// # Errors
+    ///
+    /// The page has left.
+    pub(crate) fn check(&self) -> Result<(), Unwanted> {
+        if self.is_wanted() { Ok(()) } else { Err(Unwanted) }
     }
 
     /// The work is at this stage, of which this share is done.

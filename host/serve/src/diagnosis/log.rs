@@ -19,6 +19,7 @@ use darm_measure::{Finding, FindingKind, ReadError, about};
 use darm_robot::files::{FileRef, Files};
 use serde::Serialize;
 
+use crate::job_queue::Unwanted;
 use crate::upload::ReadAs;
 
 /// Quantities that a diagnosis of an arm needs.
@@ -116,26 +117,36 @@ pub(super) enum LogFault {
     Unit(String),
     #[error("two columns are read as {0}; choose what one of them is not to be")]
     Twice(String),
+    #[error(transparent)]
+    Unwanted(#[from] Unwanted),
 }
 
+/// Whether somebody still waits for what a log has: asked before each step that may take a second, which the limits of a
+/// recording bound.
+pub(super) type Check<'a> = &'a dyn Fn() -> Result<(), Unwanted>;
+
 /// What is in a log, with its columns read as `given`, or as their names say where nothing is given.
-pub(super) fn view(data: &FileRef<'_>, given: &[ReadAs]) -> Result<LogView, LogFault> {
-    let reader = Reader::of(data)?;
+pub(super) fn view(data: &FileRef<'_>, given: &[ReadAs], check: Check<'_>) -> Result<LogView, LogFault> {
+    let reader = Reader::of(data, check)?;
     let columns = if given.is_empty() { reader.proposed() } else { reader.completed(given) };
-    let Read { overview, mut notes, problem } = reader.overview(data, &columns);
+    let Read { overview, mut notes, problem } = reader.overview(data, &columns, check)?;
     notes.extend(
         overview.iter().flat_map(|overview| overview.findings.iter().filter(is_of_rows).map(ToString::to_string)),
     );
     notes.truncate(MAX_NOTES);
     let possible = overview.as_ref().map_or_else(Vec::new, |overview| overview.possible.clone());
     let units = reader.units();
+    let column = |read_as| {
+        check()?;
+        Ok(reader.column(read_as, overview.as_ref()))
+    };
     Ok(LogView {
         n_rows: reader.n_rows(),
         is_converted: matches!(reader, Reader::Import(_)),
         model: about(data).ok().and_then(|about| Origin::find(&about)).map(|origin| origin.model.to_string()),
         doubts: overview.as_ref().map_or_else(Vec::new, |overview| doubts(overview, &columns, &units)),
         missing: if possible.is_empty() { missing(&columns) } else { Vec::new() },
-        columns: columns.iter().map(|read_as| reader.column(read_as, overview.as_ref())).collect(),
+        columns: columns.iter().map(column).collect::<Result<_, Unwanted>>()?,
         problem: problem.filter(|_| !possible.is_empty() || overview.is_none()),
         possible,
         notes,
@@ -150,14 +161,15 @@ fn is_of_rows(finding: &&Finding) -> bool {
 }
 
 /// The file that is diagnosed, with its columns read as `given`.
-pub(super) fn readable(data: &FileRef<'_>, given: &[ReadAs]) -> Result<Readable, LogFault> {
+pub(super) fn readable(data: &FileRef<'_>, given: &[ReadAs], check: Check<'_>) -> Result<Readable, LogFault> {
     if let Some(fault) = darm_measure::import::read::mat_fault(data) {
         return Err(fault.into());
     }
     if given.is_empty() {
         return Ok(Readable::own(data, Names::new()));
     }
-    let reader = Reader::of(data)?;
+    let reader = Reader::of(data, check)?;
+    check()?;
     reader.readable(data, &reader.completed(given))
 }
 
@@ -179,15 +191,19 @@ pub(super) fn no_quantity(path: &Path, column: &str) -> String {
 }
 
 impl Reader {
-    fn of(data: &FileRef<'_>) -> Result<Self, LogFault> {
+    fn of(data: &FileRef<'_>, check: Check<'_>) -> Result<Self, LogFault> {
+        check()?;
         let own = Table::read(data, &Names::new()).map(|(table, _)| table);
-        match own {
-            Ok(table) if is_own(data) => Ok(Self::Own(Box::new(table))),
-            own => match (darm_measure::import::read(data, Dialect::default()), own) {
-                (Ok(recording), _) => Ok(Self::Import(Box::new(recording))),
-                (Err(_), Ok(table)) => Ok(Self::Own(Box::new(table))),
-                (Err(error), Err(_)) => Err(error.into()),
-            },
+        check()?;
+        let own = match own {
+            Ok(table) if is_own(data) => return Ok(Self::Own(Box::new(table))),
+            own => own,
+        };
+        check()?;
+        match (darm_measure::import::read(data, Dialect::default()), own) {
+            (Ok(recording), _) => Ok(Self::Import(Box::new(recording))),
+            (Err(_), Ok(table)) => Ok(Self::Own(Box::new(table))),
+            (Err(error), Err(_)) => Err(error.into()),
         }
     }
 
@@ -250,21 +266,24 @@ impl Reader {
         Ok(Readable { files, data: path, names: Names::new(), notes: converted.notes })
     }
 
-    fn overview(&self, data: &FileRef<'_>, columns: &[ReadAs]) -> Read {
-        let nothing = |notes, problem| Read { overview: None, notes, problem: Some(problem) };
+    fn overview(&self, data: &FileRef<'_>, columns: &[ReadAs], check: Check<'_>) -> Result<Read, Unwanted> {
+        let nothing = |notes, problem| Ok(Read { overview: None, notes, problem: Some(problem) });
+        check()?;
         let Readable { files, data, names, notes } = match self.readable(data, columns) {
             Ok(readable) => readable,
             Err(fault) => return nothing(Vec::new(), fault.to_string()),
         };
         let data = files.file(&data);
+        check()?;
         let overview = match overview::overview(&data, &names, &Preparation::default()) {
             Ok(overview) => overview,
             Err(error) => return nothing(notes, without_option(&error)),
         };
+        check()?;
         let is_of_words = columns.iter().any(|column| column.quantity == "word");
         let visits = is_of_words.then(|| poses::read(&data, &names, &Which::default()));
         let problem = visits.and_then(Result::err).map(|error| without_option(&error.into()));
-        Read { overview: Some(overview), notes, problem }
+        Ok(Read { overview: Some(overview), notes, problem })
     }
 
     fn column(&self, read_as: &ReadAs, overview: Option<&Overview>) -> ColumnView {
@@ -390,4 +409,49 @@ fn missing(columns: &[ReadAs]) -> Vec<&'static str> {
     let [planar, spatial] = ORIENTATION;
     let orientation = if spatial.iter().any(is_read) { spatial } else { planar };
     NEEDED.iter().chain(orientation).filter(|quantity| !is_read(quantity)).copied().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+    use std::path::Path;
+
+    use darm_robot::files::{Files, Limits};
+
+    use super::{LogFault, Unwanted, readable, view};
+
+    const OWN: &[u8] = include_bytes!("../../../../examples/planar4-run.csv");
+    /// Of another program: it is converted.
+    const FOREIGN: &[u8] = b"Zeit [ms];Stellung;X [mm];Y [mm];Richtung [deg]\n0;0;1,5;2;3\n10;1;1,25;2;3\n";
+
+    /// In how many steps work is done, each of which begins only where somebody still waits for it.
+    #[track_caller]
+    fn n_steps<T>(work: impl Fn(super::Check<'_>) -> Result<T, LogFault>) -> usize {
+        for last in 0.. {
+            let asked = Cell::new(0);
+            let check = || {
+                asked.set(asked.get() + 1);
+                if asked.get() > last { Err(Unwanted) } else { Ok(()) }
+            };
+            match work(&check) {
+                Ok(_) => return last,
+                Err(LogFault::Unwanted(Unwanted)) => assert_eq!(asked.get(), last + 1, "it asks no more"),
+                Err(fault) => panic!("step {last}: {fault}"),
+            }
+        }
+        unreachable!("an endless loop")
+    }
+
+    #[test]
+    fn what_is_read_of_a_log_ends_at_the_step_at_which_its_page_leaves() {
+        for (text, least) in [(OWN, 12), (FOREIGN, 11)] {
+            let files = Files::handed([("log.csv".into(), text.to_vec())], Limits::SERVER);
+            let data = files.file(Path::new("log.csv"));
+            let steps = n_steps(|check| view(&data, &[], check));
+            assert!(steps >= least, "{steps} steps: reading, an overview, and each column");
+            let given = [super::ReadAs { column: "X [mm]".into(), quantity: "x".into(), unit: "mm".into() }];
+            let steps = n_steps(|check| readable(&data, &given, check));
+            assert!(steps >= 3, "{steps} steps");
+        }
+    }
 }

@@ -5,6 +5,7 @@ use serde_json::Value;
 
 use crate::history::{History, Kind as Entry};
 use crate::hub::Hub;
+use crate::job_queue::Work;
 use crate::refusal::{Kind, Refused};
 use crate::served_arm::ServedArm;
 
@@ -41,13 +42,15 @@ pub(super) struct ModelText {
 }
 
 /// The arm of the server first, then the newest of the history.
-pub(super) fn list(hub: &Hub) -> Result<Vec<KnownModel>, Refused> {
+pub(super) fn list(hub: &Hub, work: &Work) -> Result<Vec<KnownModel>, Refused> {
+    work.check()?;
     let served = hub.served().map(KnownModel::served);
     let entries = hub.history().map_or(Ok(Vec::new()), |history| history.entries(Entry::Models, Some(MAX_MODELS)));
     let entries = entries.map_err(|error| Refused::new(Kind::Refused, error))?;
     let is_new = |model: &KnownModel| served.as_ref().is_none_or(|served| served.digest != model.digest);
     let mut others: Vec<KnownModel> = entries.iter().filter_map(KnownModel::of_entry).filter(is_new).collect();
     for model in &mut others {
+        work.check()?;
         model.origin = hub.history().and_then(|history| OriginView::of(history, &model.digest));
     }
     Ok(served.into_iter().chain(others).collect())

@@ -11,6 +11,7 @@ use darm_measure::ReadError;
 
 use super::{log, models};
 use crate::hub::Hub;
+use crate::job_queue::Unwanted;
 use crate::refusal::{Kind, Refused};
 use crate::upload::{Model, Upload};
 
@@ -50,7 +51,10 @@ impl<'a> Sources<'a> {
         if let Some(text) = &self.known {
             sent = sent.with(model, text.clone().into_bytes());
         }
-        let read = log::readable(&sent.file(data), &self.upload.columns).map_err(|fault| invalid(fault.to_string()))?;
+        let check = || if progress.is_cancelled() { Err(Unwanted) } else { Ok(()) };
+        let read = log::readable(&sent.file(data), &self.upload.columns, &check)
+            .map_err(|fault| invalid(fault.to_string()))?;
+        check()?;
         let how = FileOptions {
             names: read.names,
             rows: SignalOptions { seed: SEED, progress: progress.clone(), ..SignalOptions::default() },

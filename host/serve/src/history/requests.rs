@@ -11,12 +11,19 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::{History, HistoryError, Kind};
+use crate::job_queue::{JobQueue, Work};
 use crate::refusal::{self, Refused};
 
 /// Entries of each kind that a page shows; an export has all.
 const SHOWN: u32 = 200;
 
-type Shared = State<Option<Arc<History>>>;
+/// The history, and who reads it.
+struct Reads {
+    history: Option<Arc<History>>,
+    queue: JobQueue,
+}
+
+type Shared = State<Arc<Reads>>;
 
 /// The requests about the history.
 pub(crate) fn router(history: Option<Arc<History>>) -> Router {
@@ -27,7 +34,7 @@ pub(crate) fn router(history: Option<Arc<History>>) -> Router {
         .route("/api/history/model", get(model))
         .route("/api/history/table", get(table))
         .route("/api/history/export", get(export))
-        .with_state(history)
+        .with_state(Arc::new(Reads { history, queue: JobQueue::new() }))
 }
 
 #[derive(Deserialize)]
@@ -71,52 +78,60 @@ impl Newest {
     }
 }
 
-async fn newest(State(history): Shared) -> Result<Json<Option<Newest>>, Refused> {
-    let Some(history) = history else { return Ok(Json(None)) };
-    ask(Some(history), Newest::of).await.map(Some).map(Json)
+async fn newest(State(reads): Shared) -> Result<Json<Option<Newest>>, Refused> {
+    if reads.history.is_none() {
+        return Ok(Json(None));
+    }
+    reads.ask(Newest::of).await.map(Some).map(Json)
 }
 
-async fn events(State(history): Shared, Query(Id { id }): Query<Id>) -> Result<Json<Vec<Value>>, Refused> {
-    ask(history, move |history| history.events(id)).await.map(Json)
+async fn events(State(reads): Shared, Query(Id { id }): Query<Id>) -> Result<Json<Vec<Value>>, Refused> {
+    reads.ask(move |history| history.events(id)).await.map(Json)
 }
 
-async fn diagnosis(State(history): Shared, Query(Id { id }): Query<Id>) -> Result<Response, Refused> {
-    let report = ask(history, move |history| history.report(id)).await?.ok_or_else(missing)?;
+async fn diagnosis(State(reads): Shared, Query(Id { id }): Query<Id>) -> Result<Response, Refused> {
+    let report = reads.ask(move |history| history.report(id)).await?.ok_or_else(missing)?;
     Ok(([(header::CONTENT_TYPE, "application/json")], report).into_response())
 }
 
-async fn model(State(history): Shared, Query(Digest { digest }): Query<Digest>) -> Result<Json<String>, Refused> {
-    ask(history, move |history| history.model_file(&digest)).await?.ok_or_else(missing).map(Json)
+async fn model(State(reads): Shared, Query(Digest { digest }): Query<Digest>) -> Result<Json<String>, Refused> {
+    reads.ask(move |history| history.model_file(&digest)).await?.ok_or_else(missing).map(Json)
 }
 
-async fn table(State(history): Shared, Query(Digest { digest }): Query<Digest>) -> Result<Response, Refused> {
-    let file = ask(history, move |history| history.table_file(&digest)).await?.ok_or_else(missing)?;
+async fn table(State(reads): Shared, Query(Digest { digest }): Query<Digest>) -> Result<Response, Refused> {
+    let file = reads.ask(move |history| history.table_file(&digest)).await?.ok_or_else(missing)?;
     Ok(([(header::CONTENT_TYPE, "application/octet-stream")], file).into_response())
 }
 
-async fn export(State(history): Shared, Query(Of { of }): Query<Of>) -> Result<Response, Refused> {
+async fn export(State(reads): Shared, Query(Of { of }): Query<Of>) -> Result<Response, Refused> {
     match of {
         None => {
-            let all = ask(history, History::export).await?;
+            let all = reads.ask(History::export).await?;
             let program = json!({"program": "darm", "version": env!("CARGO_PKG_VERSION")});
             Ok(Json(json!({"history": program, "entries": all})).into_response())
         }
         Some(kind) => {
-            let text = ask(history, move |history| history.csv(kind)).await?;
+            let text = reads.ask(move |history| history.csv(kind)).await?;
             Ok(([(header::CONTENT_TYPE, "text/csv; charset=utf-8")], text).into_response())
         }
     }
 }
 
-/// Asks in a thread: a disk may be slow.
-async fn ask<T: Send + 'static>(
-    history: Option<Arc<History>>,
-    read: impl FnOnce(&History) -> Result<T, HistoryError> + Send + 'static,
-) -> Result<T, Refused> {
-    let refused = |error: &dyn std::fmt::Display| Refused::new(refusal::Kind::Refused, error);
-    let history = history.ok_or_else(|| refused(&"this server keeps no history; start it with --history FILE"))?;
-    let answer = tokio::task::spawn_blocking(move || read(&history)).await.map_err(|error| refused(&error))?;
-    answer.map_err(|error| refused(&error))
+impl Reads {
+    /// Asks in a thread, one request at a time: a disk may be slow, and a page that comes and goes leaves no reads behind.
+    async fn ask<T: Send + 'static>(
+        &self,
+        read: impl FnOnce(&History) -> Result<T, HistoryError> + Send + 'static,
+    ) -> Result<T, Refused> {
+        let refused = |error: &dyn std::fmt::Display| Refused::new(refusal::Kind::Refused, error);
+        let history = self.history.clone();
+        let history = history.ok_or_else(|| refused(&"this server keeps no history; start it with --history FILE"))?;
+        let read = move |work: &Work| {
+            work.check()?;
+            read(&history).map_err(|error| Refused::new(refusal::Kind::Refused, error))
+        };
+        self.queue.run(read).await
+    }
 }
 
 fn missing() -> Refused {
