@@ -26,13 +26,13 @@ use crate::prepare::observations::{NoPose, Observations};
 use crate::prepare::repeatability::{self, Noise};
 use crate::prepare::run_findings;
 use crate::prepare::signals::{Preparation, PrepareError};
-use crate::progress::{Progress, Stage};
+use crate::progress::{Cancelled, Progress, Stage};
 use crate::rejection::{self, Rejection, is_of_one_law};
 use crate::report::{self, Summary, sentences};
 use crate::select::cross_validation::folds;
 use crate::select::forward::{Selection, forward_selection};
 use crate::select::significance::Levels;
-use crate::select::tool_pose::ToolPoses;
+use crate::select::tool_pose::{NoTrial, ToolPoses};
 use darm_arm::arm::{Arm, ArmScratch};
 use darm_measure::hold_out::HoldOut;
 use darm_measure::table::{Names, Table};
@@ -87,7 +87,7 @@ pub struct SignalOptions {
 ///
 /// A run that does not fit the arm, or has too few words.
 pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Outcome<ArmCorrection>, DiagnoseError> {
-    let no_pose = |NoPose { sample, error }| DiagnoseError::NoPose { line: run.line(sample), error };
+    let no_trial = |none| no_trial(run, none);
     options.progress.enter(Stage::Prepare)?;
     let mut findings = check(arm, run);
     let doubt = run_findings::temperature(run);
@@ -97,25 +97,25 @@ pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Outcome<ArmCo
     }
     let repeats = repeatability::repeated(arm, run);
     let problem = prepare_poses(arm, run, repeats.as_ref().filter(|noise| noise.is_known()), options)?;
-    let start = problem.fitted(&arm.model).map_err(no_pose)?;
+    let start = problem.fitted(&arm.model).map_err(no_trial)?;
     options.progress.enter(Stage::Select)?;
-    let agreement = agreement::poses::agreement(arm, run);
+    let agreement = agreement::poses::agreement(arm, run, &options.progress)?;
     let Selection { best, rivals, path } = match &agreement {
         Agreement::Otherwise(_) => Selection { best: start.clone(), rivals: Vec::new(), path: Vec::new() },
         Agreement::AsRead | Agreement::Hardly(_) => {
-            forward_selection(&problem, start.clone(), Vec::new()).map_err(no_pose)?
+            forward_selection(&problem, start.clone(), Vec::new()).map_err(no_trial)?
         }
     };
     options.progress.enter(Stage::Judge)?;
     let repeatability = repeats.as_ref();
     let selected = SelectedPoses { arm, run, problem: &problem, repeatability, best: &best, agreement: &agreement };
     let how = Proposal { seed: options.seed, words: options.next_words };
-    let (mut judgement, with_terms) = judge::poses::judge(&selected, &start, rivals, how).map_err(no_pose)?;
+    let (mut judgement, with_terms) = judge::poses::judge(&selected, &start, rivals, how).map_err(no_trial)?;
     if doubt.is_some() {
         withhold_intervals(&mut judgement.effects);
     }
     options.progress.check()?;
-    let summary = report::poses::summary(&selected, path, options.seed).map_err(no_pose)?;
+    let summary = report::poses::summary(&selected, path, options.seed).map_err(|none| no_trial(none.into()))?;
     let summary = Summary { findings, rejected: options.rejected.clone(), ..summary };
     let diagnosis = report::diagnosis(summary, judgement, |diagnosis| {
         sentences::of_poses(arm, diagnosis, &selected.effects(), with_terms.as_ref())
@@ -137,10 +137,10 @@ fn withhold_intervals(effects: &mut [Effect]) {
 /// The rows of a run as a regression problem, in units of the noise of its repeats; without enough repeats in that of the residuals
 /// that remain once the effects which are selected first are in the model.
 fn prepare_poses(arm: &Arm, run: &Run, repeats: Option<&Noise>, options: &Options) -> Result<ToolPoses, DiagnoseError> {
-    let no_pose = |NoPose { sample, error }| DiagnoseError::NoPose { line: run.line(sample), error };
+    let no_trial = |none| no_trial(run, none);
     let sigma = match repeats {
         Some(noise) => noise.sigma,
-        None => scatter(arm, run).map_err(no_pose)?.sigma,
+        None => scatter(arm, run).map_err(|none| no_trial(none.into()))?.sigma,
     };
     let training = Observations::new(arm, run, sigma, |sample| !sample.held_out);
     let held_out = Observations::new(arm, run, sigma, |sample| sample.held_out);
@@ -163,10 +163,18 @@ fn prepare_poses(arm: &Arm, run: &Run, repeats: Option<&Noise>, options: &Option
     if repeats.is_some() {
         return Ok(problem);
     }
-    let start = problem.fitted(&arm.model).map_err(no_pose)?;
-    let Selection { best, .. } = forward_selection(&problem, start, Vec::new()).map_err(no_pose)?;
+    let start = problem.fitted(&arm.model).map_err(no_trial)?;
+    let Selection { best, .. } = forward_selection(&problem, start, Vec::new()).map_err(no_trial)?;
     let sigma = repeatability::of_residuals(arm, &problem.training, &best.fit.residuals).sigma;
     Ok(problem.with_noise(sigma))
+}
+
+/// Why there is no model of a run, with the line of its row.
+fn no_trial(run: &Run, none: NoTrial) -> DiagnoseError {
+    match none {
+        NoTrial::NoPose(NoPose { sample, error }) => DiagnoseError::NoPose { line: run.line(sample), error },
+        NoTrial::Cancelled => Cancelled.into(),
+    }
 }
 
 /// Without repeats: the model's own residuals give the noise that weighs the axes, though they hold more than noise.
@@ -215,7 +223,7 @@ fn diagnose_table_read(
     let mut selected = select(model, table, options, None)?;
     options.progress.enter(Stage::Judge)?;
     selected.findings.splice(0..0, findings);
-    Ok(conclude(model, &selected, pooled.as_ref(), options))
+    Ok(conclude(model, &selected, pooled.as_ref(), options)?)
 }
 
 /// The held-out residuals of one search for each value of the column whose rows are held out in turn.
@@ -238,14 +246,14 @@ fn conclude(
     selected: &SelectedSignals,
     pooled: Option<&HeldOut>,
     options: &SignalOptions,
-) -> Outcome<SignalCorrection> {
-    let judgement = judge::signals::judge(selected, pooled, options.preparation.lowpass_hz.is_some());
+) -> Result<Outcome<SignalCorrection>, Cancelled> {
+    let judgement = judge::signals::judge(selected, pooled, options.preparation.lowpass_hz.is_some())?;
     let summary = report::signals::summary(selected, pooled, options.seed);
     let summary = Summary { rejected: options.rejected.clone(), ..summary };
     let diagnosis = report::diagnosis(summary, judgement, sentences::of_signals);
     let effects = model_effects::merge(&model.effects, in_model(&selected.problem, &selected.best));
     let correction = SignalCorrection { effects, terms: terms(&diagnosis, selected) };
-    Outcome { diagnosis, correction }
+    Ok(Outcome { diagnosis, correction })
 }
 
 /// What remains along one signal, as fitted terms.
@@ -277,6 +285,8 @@ fn replaces_rejected(term: &ModelEffect, selected: &SelectedSignals) -> bool {
 
 #[cfg(test)]
 mod cases;
+#[cfg(test)]
+mod given_up;
 #[cfg(test)]
 mod signal_tests;
 #[cfg(test)]

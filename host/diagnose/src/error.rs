@@ -8,6 +8,7 @@ use darm_core::chain::ChainError;
 use crate::effect::Law;
 use crate::prepare::groups::FOLDS;
 use crate::prepare::signals::PrepareError;
+use crate::progress::Cancelled;
 use darm_measure::{Finding, ReadError};
 
 /// Training words without which nothing can be said: two in each part that is left out in turn.
@@ -115,8 +116,8 @@ pub enum DiagnoseError {
     #[error(transparent)]
     UnknownValue(#[from] UnknownValue),
     /// Whoever waited for it has given it up.
-    #[error("the diagnosis was given up; start it again")]
-    Cancelled,
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
     /// The model predicts NaN or infinity.
     #[error("the model predicts NaN or infinity; check that this is the right model, and the units of the columns")]
     NotANumber {

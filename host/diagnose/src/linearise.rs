@@ -24,6 +24,7 @@ pub mod wrench;
 
 use crate::error::DiagnoseError;
 use crate::prepare::signals::Prepared;
+use crate::progress::Progress;
 use darm_robot::robot::Robot;
 use experiment::{Columns, Experiment, Moving};
 use model::{Model, Predictor};
@@ -35,25 +36,33 @@ use torque::Near;
 ///
 /// A table without the columns of its kind, and an effect of the model that has no place in it.
 pub(crate) fn linearise(model: &Model, data: &Prepared) -> Result<Experiment, DiagnoseError> {
-    linearise_near(model, data, None)
+    linearise_near(model, data, None, &Progress::default())
 }
 
 /// The same near a model that was found: its laws' constants and its columns are those that it gives.
 ///
 /// # Errors
 ///
-/// As [`linearise`].
-pub(crate) fn linearise_near(model: &Model, data: &Prepared, near: Option<Near>) -> Result<Experiment, DiagnoseError> {
+/// As [`linearise`], or the diagnosis was given up.
+pub(crate) fn linearise_near(
+    model: &Model,
+    data: &Prepared,
+    near: Option<Near>,
+    progress: &Progress,
+) -> Result<Experiment, DiagnoseError> {
+    progress.check()?;
     let known = &model.effects;
     let mut experiment = match &model.what {
         Predictor::Cylinder { bore_m } => force::experiment(data, *bore_m, known)?,
         Predictor::Servo => position::experiment(data, known)?,
-        Predictor::Torque(robot, transmission) => torque::experiment(data, robot, transmission.as_ref(), known, near)?,
+        Predictor::Torque(robot, transmission) => {
+            torque::experiment(data, robot, transmission.as_ref(), (known, near), progress)?
+        }
         Predictor::Wrench(robot) => wrench::experiment(data, robot)?,
         Predictor::PointContact(robot, points) => point_contact::experiment(data, robot, points)?,
         Predictor::Tool(robot, how) => measured_tool::experiment(data, robot, how)?,
         Predictor::Any(robot) if is_wrench(data) => wrench::experiment(data, robot)?,
-        Predictor::Any(robot) => torque::experiment(data, robot, None, known, near)?,
+        Predictor::Any(robot) => torque::experiment(data, robot, None, (known, near), progress)?,
     };
     model_effects::apply(&mut experiment, known)?;
     Ok(experiment)

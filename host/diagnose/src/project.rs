@@ -10,6 +10,7 @@ use darm_robot::rigid_body::cone::{Cone, ConicLeastSquares};
 use nalgebra::DVector;
 
 use crate::linearise::experiment::BodyCandidate;
+use crate::progress::Cancelled;
 use crate::select::factored::judged;
 use crate::select::problem::{RegressionProblem as _, Trial, Weighted};
 use crate::select::signals::{Fit, Signals};
@@ -26,13 +27,21 @@ pub(crate) struct Projected {
 }
 
 /// The model with what can be; the first `n_known` effects stay.
-pub(crate) fn project(problem: &Signals, best: Trial<Signals>, n_known: usize) -> Projected {
-    let (best, impossible) = possible(problem, best, n_known);
-    Projected { best: with_consistent_bodies(problem, best), impossible }
+///
+/// # Errors
+///
+/// The diagnosis was given up.
+pub(crate) fn project(problem: &Signals, best: Trial<Signals>, n_known: usize) -> Result<Projected, Cancelled> {
+    let (best, impossible) = possible(problem, best, n_known)?;
+    Ok(Projected { best: with_consistent_bodies(problem, best)?, impossible })
 }
 
 /// The model without the effects whose sizes cannot be, and these; the one that is missed least goes first.
-fn possible(problem: &Signals, mut best: Trial<Signals>, n_known: usize) -> (Trial<Signals>, Vec<usize>) {
+fn possible(
+    problem: &Signals,
+    mut best: Trial<Signals>,
+    n_known: usize,
+) -> Result<(Trial<Signals>, Vec<usize>), Cancelled> {
     let mut impossible = Vec::new();
     loop {
         let open = best.fit.active[n_known..].iter().copied();
@@ -41,10 +50,10 @@ fn possible(problem: &Signals, mut best: Trial<Signals>, n_known: usize) -> (Tri
         let without = |&k: &usize| {
             let is_other = |other: &usize| !candidates[*other].is_same(&candidates[k]);
             let left = best.fit.active.iter().copied().filter(is_other).collect();
-            (k, judged(problem.under(&best), left, best.effect))
+            Ok((k, judged(problem.under(&best), left, best.effect)?))
         };
-        let tried = problem.under(&best).lowest(cannot_be.iter().map(without), |(_, trial)| trial);
-        let Some((gone, next)) = tried else { return (best, impossible) };
+        let tried = problem.under(&best).lowest(cannot_be.iter().map(without), |(_, trial)| trial)?;
+        let Some((gone, next)) = tried else { return Ok((best, impossible)) };
         impossible.push(gone);
         best = next;
     }
@@ -59,26 +68,30 @@ fn can_be(problem: &Signals, fit: &Fit, of: usize) -> bool {
 }
 
 /// The model with physically consistent bodies, and with the effects beside them that this asks for.
-fn with_consistent_bodies(problem: &Signals, best: Trial<Signals>) -> Trial<Signals> {
+fn with_consistent_bodies(problem: &Signals, best: Trial<Signals>) -> Result<Trial<Signals>, Cancelled> {
     let weighting = Arc::clone(&best.weighting);
     let weighted = Weighted { problem, weighting: &weighting };
-    let Some(consistent) = consistent(weighted, &best.fit) else { return best };
+    problem.progress().check()?;
+    let Some(consistent) = consistent(weighted, &best.fit) else { return Ok(best) };
     let free = in_sample(weighted, best.fit, best.effect);
     let mut best = in_sample(weighted, consistent, best.effect);
     while weighted.reduction(&best, &free).p < RIVAL_LEVEL {
         let open: Vec<usize> = open(problem, &best.fit);
         let tried = open.iter().map(|&candidate| {
+            problem.progress().check()?;
             let active = [&best.fit.active[..], &[candidate]].concat();
             let free = weighted.least_squares(active);
-            in_sample(weighted, self::consistent(weighted, &free).unwrap_or(free), Some(candidate))
+            Ok(in_sample(weighted, self::consistent(weighted, &free).unwrap_or(free), Some(candidate)))
         });
-        let tried = tried.filter(|trial| trial.effect.is_some_and(|added| can_be(problem, &trial.fit, added)));
-        match weighted.lowest(tried, |trial| trial) {
+        let is_possible = |trial: &Result<Trial<Signals>, Cancelled>| {
+            trial.as_ref().map_or(true, |trial| trial.effect.is_some_and(|added| can_be(problem, &trial.fit, added)))
+        };
+        match weighted.lowest(tried.filter(is_possible), |trial| trial)? {
             Some(next) if weighted.reduction(&best, &next).p * (open.len() as f64) < DISCOVERY_LEVEL => best = next,
             _ => break,
         }
     }
-    Trial { fit: best.fit.clone(), ..judged(weighted, best.fit.active, best.effect) }
+    Ok(Trial { fit: best.fit.clone(), ..judged(weighted, best.fit.active, best.effect)? })
 }
 
 /// Effects that may be added beside bodies.
@@ -150,8 +163,8 @@ mod tests {
             };
             let groups = Groups::new(&experiment.rows);
             let problem = Signals::new(experiment, groups);
-            let best = problem.fitted(vec![0]);
-            let Projected { best, impossible } = project(&problem, best, 0);
+            let best = problem.fitted(vec![0]).unwrap();
+            let Projected { best, impossible } = project(&problem, best, 0).unwrap();
             (best.fit.active, impossible)
         };
         assert_eq!(with(viscous.clone()), (vec![0], vec![]));

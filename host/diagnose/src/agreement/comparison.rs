@@ -5,6 +5,7 @@
 //! over the axes of the logarithm of the error as a share of what was measured, which another unit does not change.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 
 use rayon::prelude::{IntoParallelIterator as _, ParallelIterator as _};
 
@@ -19,6 +20,7 @@ use crate::misreading::Misreading;
 use crate::prepare::column_reading::ColumnReading;
 use crate::prepare::groups::Groups;
 use crate::prepare::signals::Prepared;
+use crate::progress::{Cancelled, Progress};
 use crate::select::backward::every_law;
 use crate::select::signals::Signals;
 use crate::select::significance::{DISCOVERY_LEVEL, chance_of_mean};
@@ -40,6 +42,7 @@ const FAR: f64 = 4.0;
 pub(super) struct Comparison<'a> {
     pub(super) model: &'a Model,
     pub(super) data: &'a Prepared,
+    pub(super) progress: &'a Progress,
 }
 
 /// A hypothesis with what it leaves.
@@ -56,21 +59,26 @@ pub(super) struct Improvement {
 
 impl Comparison<'_> {
     /// The best of these hypotheses, where it explains far more than the table as it is read and most of what was measured.
-    pub(super) fn better(&self, hypotheses: Vec<Hypothesis>, columns: &Columns) -> Option<Improvement> {
+    pub(super) fn better(
+        &self,
+        hypotheses: Vec<Hypothesis>,
+        columns: &Columns,
+    ) -> Result<Option<Improvement>, Cancelled> {
         let n_tried = hypotheses.len() as f64;
         let is_chance = |as_read: &ResidualError, left: &ResidualError| {
             as_read.chance_of_fall_to(left) * n_tried >= DISCOVERY_LEVEL
         };
-        let mut tried = self.tried(hypotheses, |_| (Laws::None, f64::INFINITY));
+        let mut tried = self.tried(hypotheses, |_| (Laws::None, f64::INFINITY))?;
         let mut as_read = BaselineCache { comparison: self, left: BTreeMap::new() };
-        let without_laws = tried.iter().position(|HypothesisTrial { left, hypothesis }| {
-            as_read.left(hypothesis.columns.rows_later(), Laws::None).is_some_and(|as_read| {
+        for best in 0..tried.len() {
+            let HypothesisTrial { left, hypothesis } = &tried[best];
+            let is_it = as_read.left(hypothesis.columns.rows_later(), Laws::None)?.is_some_and(|as_read| {
                 let is_near = left.share < AGREES || left.share < FOLLOWS && OTHER_UNIT * left.norm < as_read.norm;
                 is_near && left.norm < MUCH_LESS_AS_IT_IS * as_read.norm && !is_chance(as_read, left)
-            })
-        });
-        if let Some(best) = without_laws {
-            return self.refined(tried.swap_remove(best), columns, Laws::None);
+            });
+            if is_it {
+                return self.refined(tried.swap_remove(best), columns, Laws::None);
+            }
         }
         // Friction that the model does not have hides what a short delay changes.
         let is_compared =
@@ -78,36 +86,38 @@ impl Comparison<'_> {
         let compared = tried.into_iter().enumerate().filter(is_compared);
         let hypotheses: Vec<Hypothesis> = compared.map(|(_, tried)| tried.hypothesis).collect();
         // The few rows that a delay takes off either end change this by far less than [`MUCH_LESS`].
-        let limits: BTreeMap<Laws, f64> = hypotheses
-            .iter()
-            .map(|hypothesis| Laws::compared_with(&hypothesis.misreading))
-            .map(|laws| (laws, as_read.left(0, laws).map_or(f64::INFINITY, |left| left.log)))
-            .collect();
+        let mut limits: BTreeMap<Laws, f64> = BTreeMap::new();
+        for laws in hypotheses.iter().map(|hypothesis| Laws::compared_with(&hypothesis.misreading)) {
+            limits.insert(laws, as_read.left(0, laws)?.map_or(f64::INFINITY, |left| left.log));
+        }
         let with_laws = |misreading: &Misreading| {
             let laws = Laws::compared_with(misreading);
             (laws, limits[&laws])
         };
-        let far_better = |HypothesisTrial { left, hypothesis }: &HypothesisTrial| {
-            left.share < AGREES
+        for best in self.tried(hypotheses, with_laws)? {
+            let HypothesisTrial { left, hypothesis } = &best;
+            let laws = Laws::compared_with(&hypothesis.misreading);
+            let is_far_better = left.share < AGREES
                 && as_read
-                    .left(hypothesis.columns.rows_later(), Laws::compared_with(&hypothesis.misreading))
-                    .is_some_and(|as_read| left.log < as_read.log - MUCH_LESS.ln() && !is_chance(as_read, left))
-        };
-        let best = self.tried(hypotheses, with_laws).into_iter().find(far_better)?;
-        let laws = Laws::compared_with(&best.hypothesis.misreading);
-        self.refined(best, columns, laws)
+                    .left(hypothesis.columns.rows_later(), laws)?
+                    .is_some_and(|as_read| left.log < as_read.log - MUCH_LESS.ln() && !is_chance(as_read, left));
+            if is_far_better {
+                return self.refined(best, columns, laws);
+            }
+        }
+        Ok(None)
     }
 
     /// A delay with those around it tried too; any other reading as it is.
-    fn refined(&self, best: HypothesisTrial, columns: &Columns, laws: Laws) -> Option<Improvement> {
+    fn refined(&self, best: HypothesisTrial, columns: &Columns, laws: Laws) -> Result<Option<Improvement>, Cancelled> {
         let tried = match best.hypothesis.misreading {
             Misreading::Delay { delay_s } => {
                 let around = around(self.data, &columns.measured.concat(), delay_s);
-                self.tried(around, |_| (laws, f64::INFINITY)).into_iter().next()?
+                self.tried(around, |_| (laws, f64::INFINITY))?.into_iter().next()
             }
-            _ => best,
+            _ => Some(best),
         };
-        Some(Improvement { tried, laws })
+        Ok(tried.map(|tried| Improvement { tried, laws }))
     }
 
     /// Hypotheses with what they leave, the best one first, each with the laws and the limit of [`Self::left`].
@@ -115,15 +125,15 @@ impl Comparison<'_> {
         &self,
         hypotheses: Vec<Hypothesis>,
         with: impl Fn(&Misreading) -> (Laws, f64) + Sync,
-    ) -> Vec<HypothesisTrial> {
+    ) -> Result<Vec<HypothesisTrial>, Cancelled> {
         let tried = hypotheses.into_par_iter().filter_map(|hypothesis| {
             let Hypothesis { misreading, columns, model } = &hypothesis;
-            let left = self.left(columns, columns.rows_later(), model.as_ref(), with(misreading))?;
-            Some(HypothesisTrial { left, hypothesis })
+            let left = self.left(columns, columns.rows_later(), model.as_ref(), with(misreading)).transpose()?;
+            Some(left.map(|left| HypothesisTrial { left, hypothesis }))
         });
-        let mut tried: Vec<HypothesisTrial> = tried.collect();
+        let mut tried = tried.collect::<Result<Vec<HypothesisTrial>, Cancelled>>()?;
         tried.sort_by(|a, b| a.left.log.total_cmp(&b.left.log));
-        tried
+        Ok(tried)
     }
 
     /// What a reading leaves with these laws, in rows from which the one `rows_later` is in the same stretch; `None` where
@@ -135,15 +145,17 @@ impl Comparison<'_> {
         rows_later: isize,
         model: Option<&Model>,
         (laws, limit): (Laws, f64),
-    ) -> Option<ResidualError> {
+    ) -> Result<Option<ResidualError>, Cancelled> {
+        self.progress.check()?;
         let data = self.data.read_as(reading.clone(), rows_later, ROWS);
-        let experiment = linearise(model.unwrap_or(self.model), &data).ok()?;
-        let measured = variation(&experiment, &Training::of(&experiment)?.measured);
+        let Ok(experiment) = linearise(model.unwrap_or(self.model), &data) else { return Ok(None) };
+        let Some(training) = Training::of(&experiment) else { return Ok(None) };
+        let measured = variation(&experiment, &training.measured);
         let (n_axes, n_norm) = (experiment.axes.len(), experiment.n_norm);
         let groups = Groups::new(&experiment.rows);
         let blocks = groups.blocks.clone();
         if groups.n_blocks < MIN_PIECES {
-            return None;
+            return Ok(None);
         }
         let of = |residuals: &[f64]| {
             ResidualError::of(&AxisLeft::of_norm(n_norm, n_axes, residuals, &measured), residuals, n_axes, &blocks)
@@ -151,10 +163,38 @@ impl Comparison<'_> {
         let is_lost = |residuals: &[f64]| of(residuals).is_none_or(|left| left.log > limit);
         let residuals = match laws {
             Laws::None => experiment.of_rows(&experiment.residuals, false),
-            Laws::All => predicted_in_turn(experiment, groups, None, is_lost),
-            Laws::AllBut(law) => predicted_in_turn(experiment, groups, Some(law), is_lost),
+            Laws::All => self.predicted_in_turn(experiment, groups, None, is_lost)?,
+            Laws::AllBut(law) => self.predicted_in_turn(experiment, groups, Some(law), is_lost)?,
         };
-        of(&residuals)
+        Ok(of(&residuals))
+    }
+
+    /// Residuals of the training rows, each of a fit with every law at every place that has not seen it; a law that fits best
+    /// with an impossible size, a friction below zero, is left out, unless the reading is lost with it.
+    fn predicted_in_turn(
+        &self,
+        experiment: Experiment,
+        groups: Groups,
+        without: Option<Law>,
+        is_lost: impl Fn(&[f64]) -> bool,
+    ) -> Result<Vec<f64>, Cancelled> {
+        let problem = Signals::new(experiment, groups).with_progress(self.progress.clone());
+        let candidates = &problem.experiment.candidates;
+        let mut laws = every_law(&problem, &[]);
+        laws.retain(|&k| Some(candidates[k].law) != without);
+        let mut best = problem.fitted(laws)?;
+        for _ in 0..MAX_ROUNDS {
+            let can_be = |k: &usize| {
+                let values = problem.indices(&[*k]).into_iter().zip(&candidates[*k].values);
+                values.into_iter().all(|(index, value)| best.fit.values[index] >= value.min)
+            };
+            let possible: Vec<usize> = best.fit.active.iter().copied().filter(can_be).collect();
+            if possible.len() == best.fit.active.len() || is_lost(&best.predicted) {
+                break;
+            }
+            best = problem.fitted(possible)?;
+        }
+        Ok(best.predicted)
     }
 }
 
@@ -166,9 +206,12 @@ struct BaselineCache<'a> {
 
 impl BaselineCache<'_> {
     /// In rows from which the one `rows_later` is in the same stretch.
-    fn left(&mut self, rows_later: isize, laws: Laws) -> Option<&ResidualError> {
+    fn left(&mut self, rows_later: isize, laws: Laws) -> Result<Option<&ResidualError>, Cancelled> {
         let compute = || self.comparison.left(&ColumnReading::default(), rows_later, None, (laws, f64::INFINITY));
-        self.left.entry((rows_later, laws)).or_insert_with(compute).as_ref()
+        Ok(match self.left.entry((rows_later, laws)) {
+            Entry::Occupied(known) => known.into_mut().as_ref(),
+            Entry::Vacant(place) => place.insert(compute()?).as_ref(),
+        })
     }
 }
 
@@ -213,33 +256,6 @@ impl Laws {
             _ => Self::All,
         }
     }
-}
-
-/// Residuals of the training rows, each of a fit with every law at every place that has not seen it; a law that fits best
-/// with an impossible size, a friction below zero, is left out, unless the reading is lost with it.
-fn predicted_in_turn(
-    experiment: Experiment,
-    groups: Groups,
-    without: Option<Law>,
-    is_lost: impl Fn(&[f64]) -> bool,
-) -> Vec<f64> {
-    let problem = Signals::new(experiment, groups);
-    let candidates = &problem.experiment.candidates;
-    let mut laws = every_law(&problem, &[]);
-    laws.retain(|&k| Some(candidates[k].law) != without);
-    let mut best = problem.fitted(laws);
-    for _ in 0..MAX_ROUNDS {
-        let can_be = |k: &usize| {
-            let values = problem.indices(&[*k]).into_iter().zip(&candidates[*k].values);
-            values.into_iter().all(|(index, value)| best.fit.values[index] >= value.min)
-        };
-        let possible: Vec<usize> = best.fit.active.iter().copied().filter(can_be).collect();
-        if possible.len() == best.fit.active.len() || is_lost(&best.predicted) {
-            break;
-        }
-        best = problem.fitted(possible);
-    }
-    best.predicted
 }
 
 /// What is left by a reading.

@@ -12,6 +12,7 @@ use super::{Agreement, FEW, MIN_EXPLAINED, trimmed_root_mean_square};
 use crate::misreading::{LabelStep, Misreading};
 use crate::outcome::{Number, OtherReading};
 use crate::prepare::thinning::one_of_each_part;
+use crate::progress::{Cancelled, Progress};
 use darm_measure::rigid_motion::{distances_after, nearest_rotation, robust_nearest_motion};
 use darm_measure::{Run, median};
 
@@ -59,10 +60,15 @@ struct Comparison<'a> {
     servos: Vec<&'a [f64]>,
     /// Numbers of the rows that are compared.
     rows: Vec<usize>,
+    progress: &'a Progress,
 }
 
 /// How a run agrees with its arm, by the rows that fits see; words may be those of any row of the log.
-pub(crate) fn agreement(arm: &Arm, run: &Run) -> Agreement {
+///
+/// # Errors
+///
+/// The diagnosis was given up.
+pub(crate) fn agreement(arm: &Arm, run: &Run, progress: &Progress) -> Result<Agreement, Cancelled> {
     let samples = &run.samples;
     let as_read = ReadRows {
         words: samples.iter().map(|sample| sample.word).collect(),
@@ -70,23 +76,27 @@ pub(crate) fn agreement(arm: &Arm, run: &Run) -> Agreement {
     };
     let training: Vec<usize> = run.training().map(|(row, _)| row).collect();
     let rows = one_of_each_part(training.len(), ROWS).into_iter().map(|drawn| training[drawn]).collect();
-    let comparison = Comparison { arm, servos: samples.iter().map(|sample| &sample.servos_rad[..]).collect(), rows };
-    let Some(error_m) = comparison.error_m(&as_read) else { return Agreement::AsRead };
+    let servos = samples.iter().map(|sample| &sample.servos_rad[..]).collect();
+    let comparison = Comparison { arm, servos, rows, progress };
+    let Some(error_m) = comparison.error_m(&as_read) else { return Ok(Agreement::AsRead) };
     let poses: Vec<Pose<f64>> = training.iter().map(|&row| as_read.poses[row]).collect();
     let motion_m = motion_m(arm, &poses);
     if error_m < NEAR * motion_m {
-        return Agreement::AsRead;
+        return Ok(Agreement::AsRead);
     }
     let is_much_less = |(_, other_m): &(Misreading, f64)| *other_m < MUCH_LESS * error_m;
-    let best = comparison.best(&as_read, run, &training).filter(is_much_less);
-    // Where no word is measured twice in turn, a word later is a row later.
-    match best.or_else(|| comparison.best_by_word(&as_read).filter(is_much_less)) {
+    let mut best = comparison.best(&as_read, run, &training)?.filter(is_much_less);
+    if best.is_none() {
+        // Where no word is measured twice in turn, a word later is a row later.
+        best = comparison.best_by_word(&as_read)?.filter(is_much_less);
+    }
+    Ok(match best {
         Some((misreading, other_m)) => {
             Agreement::Otherwise(OtherReading { misreading, as_read: None, error: Number::new(other_m, "m") })
         }
         None if 1.0 - (error_m / motion_m).powi(2) < MIN_EXPLAINED => Agreement::Hardly(FEW),
         None => Agreement::AsRead,
-    }
+    })
 }
 
 /// Share of the variance of the poses of a run that a model with these errors, m, explains.
@@ -97,22 +107,25 @@ pub(crate) fn explained(arm: &Arm, run: &Run, errors_m: Vec<f64>) -> f64 {
 
 impl Comparison<'_> {
     /// The reading with the smallest error, m.
-    fn best(&self, as_read: &ReadRows, run: &Run, training: &[usize]) -> Option<(Misreading, f64)> {
+    fn best(&self, as_read: &ReadRows, run: &Run, training: &[usize]) -> Result<Option<(Misreading, f64)>, Cancelled> {
         let mut all: Vec<(Misreading, ReadRows)> = self.of_poses(as_read);
         all.extend(self.of_words(as_read));
-        let mut tried: Vec<(Misreading, f64)> = self.judged(all).collect();
+        let mut tried: Vec<(Misreading, f64)> = self.judged(all)?;
+        self.progress.check()?;
         tried.extend(self.out_of_step(as_read, run, training));
+        self.progress.check()?;
         tried.extend(self.other_size(as_read));
-        tried.extend(self.of_units(as_read));
+        tried.extend(self.of_units(as_read)?);
         if self.arm.n_actuators() <= MAX_ORDERED {
-            tried.extend(self.other_order(as_read));
+            tried.extend(self.other_order(as_read)?);
         }
-        tried.into_iter().min_by(|a, b| a.1.total_cmp(&b.1))
+        Ok(tried.into_iter().min_by(|a, b| a.1.total_cmp(&b.1)))
     }
 
     /// The reading of late or early digits by words with the smallest error, m.
-    fn best_by_word(&self, as_read: &ReadRows) -> Option<(Misreading, f64)> {
-        self.judged(self.late_digits(as_read, LabelStep::Word)).min_by(|a, b| a.1.total_cmp(&b.1))
+    fn best_by_word(&self, as_read: &ReadRows) -> Result<Option<(Misreading, f64)>, Cancelled> {
+        let judged = self.judged(self.late_digits(as_read, LabelStep::Word))?;
+        Ok(judged.into_iter().min_by(|a, b| a.1.total_cmp(&b.1)))
     }
 
     /// Readings of the words, the poses as they are.
@@ -203,7 +216,7 @@ impl Comparison<'_> {
     }
 
     /// Readings of one column of the poses in another unit, with their errors.
-    fn of_units(&self, as_read: &ReadRows) -> Vec<(Misreading, f64)> {
+    fn of_units(&self, as_read: &ReadRows) -> Result<Vec<(Misreading, f64)>, Cancelled> {
         let turned = |times: f64| {
             as_read.with(|pose| Pose {
                 rotation: rotation_exp(&(rotation_log(&pose.rotation) * times)),
@@ -211,12 +224,16 @@ impl Comparison<'_> {
             })
         };
         let in_rad = [(Misreading::AnglesInRadians, turned(1f64.to_degrees()))];
-        let angles = self.better_than(&turned(0.0), in_rad);
-        self.axes().flat_map(|(k, axis)| self.of_length_units(as_read, k, axis)).chain(angles).collect()
+        let mut all = Vec::new();
+        for (k, axis) in self.axes() {
+            all.extend(self.of_length_units(as_read, k, axis)?);
+        }
+        all.extend(self.better_than(&turned(0.0), in_rad)?);
+        Ok(all)
     }
 
     /// The same of an axis of the positions.
-    fn of_length_units(&self, as_read: &ReadRows, k: usize, axis: char) -> Vec<(Misreading, f64)> {
+    fn of_length_units(&self, as_read: &ReadRows, k: usize, axis: char) -> Result<Vec<(Misreading, f64)>, Cancelled> {
         let read = LENGTH_UNITS.into_iter().flat_map(|times| [times, 1.0 / times]).map(|factor| {
             let misreading = Misreading::ColumnScale { columns: vec![format!("{axis} of the poses")], factor };
             (misreading, as_read.moved(|p| p[k] /= factor))
@@ -230,17 +247,24 @@ impl Comparison<'_> {
         &self,
         still: &ReadRows,
         readings: impl IntoIterator<Item = (Misreading, ReadRows)>,
-    ) -> Vec<(Misreading, f64)> {
+    ) -> Result<Vec<(Misreading, f64)>, Cancelled> {
         let still_m = self.error_m(still).unwrap_or(0.0);
-        self.judged(readings).filter(|(_, error_m)| *error_m < MUCH_LESS * still_m).collect()
+        let mut better = self.judged(readings)?;
+        better.retain(|(_, error_m)| *error_m < MUCH_LESS * still_m);
+        Ok(better)
     }
 
     /// Readings with their errors, m.
     fn judged(
         &self,
         readings: impl IntoIterator<Item = (Misreading, ReadRows)>,
-    ) -> impl Iterator<Item = (Misreading, f64)> {
-        readings.into_iter().filter_map(|(misreading, reading)| Some((misreading, self.error_m(&reading)?)))
+    ) -> Result<Vec<(Misreading, f64)>, Cancelled> {
+        let mut judged = Vec::new();
+        for (misreading, reading) in readings {
+            self.progress.check()?;
+            judged.extend(self.error_m(&reading).map(|error_m| (misreading, error_m)));
+        }
+        Ok(judged)
     }
 
     /// The axes that the arm moves along, with their numbers.
@@ -287,11 +311,12 @@ impl Comparison<'_> {
     }
 
     /// The order of actuators that is reached by exchanging two at a time as long as that lowers the error.
-    fn other_order(&self, as_read: &ReadRows) -> Option<(Misreading, f64)> {
+    fn other_order(&self, as_read: &ReadRows) -> Result<Option<(Misreading, f64)>, Cancelled> {
         let n = self.arm.n_actuators();
         let mut order: Vec<usize> = (0..n).collect();
         let mut best_m = f64::INFINITY;
         for _ in 0..n {
+            self.progress.check()?;
             let pairs = (0..n).flat_map(|a| (a + 1..n).map(move |b| (a, b)));
             let tried = pairs.filter_map(|(a, b)| {
                 let mut order = order.clone();
@@ -304,7 +329,7 @@ impl Comparison<'_> {
             }
             (best_m, order) = (error_m, next);
         }
-        best_m.is_finite().then_some((Misreading::ExchangedActuators { order }, best_m))
+        Ok(best_m.is_finite().then_some((Misreading::ExchangedActuators { order }, best_m)))
     }
 
     fn last_state(&self, actuator: usize) -> u8 {

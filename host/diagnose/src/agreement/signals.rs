@@ -14,6 +14,7 @@ use crate::linearise::{columns, measured_tool};
 use crate::misreading::Misreading;
 use crate::outcome::{Number, OtherReading};
 use crate::prepare::signals::Prepared;
+use crate::progress::{Cancelled, Progress};
 
 /// A model whose error is below this share of what was measured, on every axis, belongs to its log.
 const NEAR: f64 = 0.1;
@@ -25,32 +26,41 @@ const WORSE_THAN_NONE: f64 = -1.0;
 const MUCH_LESS_TURNED: f64 = 0.25;
 
 /// How the training rows of a table agree with its model; `experiment` is of the table as it is read.
-pub(crate) fn agreement(model: &Model, data: &Prepared, experiment: &Experiment) -> FirstLook {
+///
+/// # Errors
+///
+/// The diagnosis was given up.
+pub(crate) fn agreement(
+    model: &Model,
+    data: &Prepared,
+    experiment: &Experiment,
+    progress: &Progress,
+) -> Result<FirstLook, Cancelled> {
     if experiment.kind.is_of_tool() {
         // The frame of an instrument that measures a tool may be anywhere: only the model with what was found is compared, and
         // the turns of the tool.
-        return quaternion_reading(data, experiment).map_or(Agreement::AsRead, Agreement::Otherwise).into();
+        return Ok(quaternion_reading(data, experiment).map_or(Agreement::AsRead, Agreement::Otherwise).into());
     }
-    let Some(training) = Training::of(experiment) else { return Agreement::AsRead.into() };
+    let Some(training) = Training::of(experiment) else { return Ok(Agreement::AsRead.into()) };
     let is_near = (0..experiment.n_norm).all(|axis| training.share(experiment, axis) < NEAR);
     if is_near {
-        return Agreement::AsRead.into();
+        return Ok(Agreement::AsRead.into());
     }
     let columns = columns(model, data);
     if let Some((factor, error)) = training.other_unit(experiment) {
         // Of a wrench the norm is the centre of pressure, which moments are in.
         let columns = columns.measured.iter().filter_map(|group| group.last().cloned()).collect();
         let misreading = Misreading::ColumnScale { columns, factor };
-        return Agreement::Otherwise(other_reading(misreading, error, experiment)).into();
+        return Ok(Agreement::Otherwise(other_reading(misreading, error, experiment)).into());
     }
-    let (comparison, tests_the_model) = (Comparison { model, data }, training.tests_the_model(experiment));
+    let (comparison, tests_the_model) = (Comparison { model, data, progress }, training.tests_the_model(experiment));
     let tried = if tests_the_model { hypotheses(model, data, &columns) } else { units(&columns) };
-    let better = comparison.better(tried, &columns);
+    let better = comparison.better(tried, &columns)?;
     let reading = |better: &Improvement| {
         other_reading(better.tried.hypothesis.misreading.clone(), better.tried.left.norm, experiment)
     };
     if let Some(better) = better.as_ref().filter(|better| better.laws != Laws::All) {
-        return Agreement::Otherwise(reading(better)).into();
+        return Ok(Agreement::Otherwise(reading(better)).into());
     }
     let agreement = match () {
         () if !tests_the_model => {
@@ -62,7 +72,7 @@ pub(crate) fn agreement(model: &Model, data: &Prepared, experiment: &Experiment)
         () => Agreement::AsRead,
     };
     let contest = better.map(|better| Contest { reading: reading(&better), log: better.tried.left.log });
-    FirstLook { agreement, contest }
+    Ok(FirstLook { agreement, contest })
 }
 
 /// How a table agrees with its model before any effect is searched.

@@ -47,7 +47,7 @@ pub(super) fn select(
     }
     // Of rows that are held out in turn only the first search asks, which has them all.
     let FirstLook { mut agreement, contest } = match each {
-        None => agreement::signals::agreement(model, &data, &experiment),
+        None => agreement::signals::agreement(model, &data, &experiment, &options.progress)?,
         Some(_) => Agreement::AsRead.into(),
     };
     options.progress.enter(Stage::Select)?;
@@ -66,12 +66,11 @@ pub(super) fn select(
         contest.lost(&found.problem.experiment, &found.best.predicted, &in_model(&found.problem, &found.best))
     });
     if let Some(reading) = lost {
-        found.best = found.problem.fitted(found.best.fit.active[..found.n_known].to_vec());
+        found.best = found.problem.fitted(found.best.fit.active[..found.n_known].to_vec())?;
         agreement = Agreement::Otherwise(reading);
     }
     let Found { problem, best, n_known, path } = found;
-    options.progress.check()?;
-    let Projected { best, impossible } = project(&problem, best, n_known);
+    let Projected { best, impossible } = project(&problem, best, n_known)?;
     let (held_out, mut findings) = (data.held_out, data.findings);
     findings.extend(problem.experiment.findings.iter().cloned());
     if !best.weighting.has_converged {
@@ -102,9 +101,9 @@ impl Found {
         let before = with_those_of(&experiment, always.clone(), before);
         let problem = Signals::new(experiment, groups).with_progress(options.progress.clone());
         let (best, path) = match agreement {
-            Agreement::Otherwise(_) => (problem.fitted(always), Vec::new()),
-            Agreement::AsRead | Agreement::Hardly(_) if before.len() == n_known => search::select(&problem, always),
-            Agreement::AsRead | Agreement::Hardly(_) => search::select_again(&problem, always, before),
+            Agreement::Otherwise(_) => (problem.fitted(always)?, Vec::new()),
+            Agreement::AsRead | Agreement::Hardly(_) if before.len() == n_known => search::select(&problem, always)?,
+            Agreement::AsRead | Agreement::Hardly(_) => search::select_again(&problem, always, before)?,
         };
         Ok(Self { problem, best, n_known, path })
     }
@@ -132,7 +131,7 @@ fn experiment_near(
     options: &SignalOptions,
     near: Option<Near>,
 ) -> Result<(Experiment, Vec<Candidate>), DiagnoseError> {
-    let linearised = linearise_near(model, data, near)?;
+    let linearised = linearise_near(model, data, near, &options.progress)?;
     let (mut experiment, rejected) = rejection::of_signals(linearised, &model.effects, &options.rejected)?;
     check_numbers(model, data, &experiment)?;
     // A column that overflows determines nothing.

@@ -30,7 +30,7 @@ fn measured(name: &str) -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/measured").join(name)
 }
 
-fn model(name: &str) -> Model {
+pub(super) fn model(name: &str) -> Model {
     Model::read(&measured(name)).unwrap().unwrap()
 }
 
@@ -120,7 +120,7 @@ fn friction_of_a_real_cylinder_is_found_and_told_at_a_pressure_that_no_fit_saw()
 }
 
 /// A cylinder's table with a law in its force and noise that follows no pattern.
-fn cylinder(force: impl Fn(f64, f64, f64) -> f64) -> Table {
+pub(super) fn cylinder(force: impl Fn(f64, f64, f64) -> f64) -> Table {
     cylinder_at(|t| 20.0 * (0.5 * t).sin(), force)
 }
 
@@ -220,7 +220,7 @@ fn models_with_more_and_with_fewer_effects_follow_from_one_that_is_factorised() 
     let experiment = linearise(&model("cylinder.toml"), &prepared).unwrap();
     let groups = Groups::new(&experiment.rows);
     let problem = Signals::new(experiment, groups);
-    let Ok(base) = problem.reweight_until_converged(problem.start(vec![0, 4, 20]));
+    let base = problem.reweight_until_converged(problem.start(vec![0, 4, 20])).unwrap();
     let weighted = problem.under(&base);
     let same = |a: &Trial<Signals>, b: &Trial<Signals>| {
         assert_eq!(a.fit.active, b.fit.active);
@@ -228,15 +228,15 @@ fn models_with_more_and_with_fewer_effects_follow_from_one_that_is_factorised() 
         let apart = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-5 * (a.abs() + b.abs()) + 1e-9;
         assert!(a.fit.values.iter().zip(&b.fit.values).all(apart), "{:?}", a.fit.active);
     };
-    let Ok(more) = problem.neighbours(&base).with_one_more();
+    let more = problem.neighbours(&base).unwrap().with_one_more().unwrap();
     assert!(more.len() > 20);
     for trial in &more {
-        same(trial, &judged(weighted, trial.fit.active.clone(), trial.effect));
+        same(trial, &judged(weighted, trial.fit.active.clone(), trial.effect).unwrap());
     }
-    let factored = Factored::new(weighted, vec![0, 4, 20, 7]);
+    let factored = Factored::new(weighted, vec![0, 4, 20, 7]).unwrap();
     for dropped in [&[4][..], &[0, 7], &[20, 0, 4, 7]] {
-        let without = factored.without(dropped);
-        same(&without, &judged(weighted, without.fit.active.clone(), None));
+        let without = factored.without(dropped).unwrap();
+        same(&without, &judged(weighted, without.fit.active.clone(), None).unwrap());
     }
 }
 

@@ -6,10 +6,11 @@ use darm_core::effect::{Effect, Frame};
 use crate::linearise::sensitivity::Sensitivity;
 use crate::outcome::{Dependence, Number, Structure};
 use crate::prepare::observations::NoPose;
+use crate::progress::Cancelled;
 use crate::rejection::is_of_one_law;
 use crate::select::problem::{RegressionProblem as _, Trial};
 use crate::select::significance::DISCOVERY_LEVEL;
-use crate::select::tool_pose::ToolPoses;
+use crate::select::tool_pose::{NoTrial, ToolPoses};
 use darm_arm::arm::ArmScratch;
 
 /// A model with fitted terms.
@@ -35,15 +36,15 @@ pub(crate) fn with_terms(
     problem: &ToolPoses,
     base: &Trial<ToolPoses>,
     depends_on: &mut [Dependence],
-    structure: impl Fn(&Trial<ToolPoses>) -> Structure,
-) -> Result<Option<Trial<ToolPoses>>, NoPose> {
+    structure: impl Fn(&Trial<ToolPoses>) -> Result<Structure, Cancelled>,
+) -> Result<Option<Trial<ToolPoses>>, NoTrial> {
     let n_effects = |trial: &Trial<ToolPoses>| problem.n_effects(&trial.fit);
     let mut before = n_effects(base);
     let mut with = add_terms(problem, base, depends_on)?;
     let is_any = n_effects(&with) > before;
     while n_effects(&with) > before {
         before = n_effects(&with);
-        with = add_terms(problem, &with, &mut structure(&with).depends_on)?;
+        with = add_terms(problem, &with, &mut structure(&with)?.depends_on)?;
     }
     Ok(is_any.then_some(with))
 }
@@ -54,7 +55,7 @@ fn add_terms(
     problem: &ToolPoses,
     base: &Trial<ToolPoses>,
     depends_on: &mut [Dependence],
-) -> Result<Trial<ToolPoses>, NoPose> {
+) -> Result<Trial<ToolPoses>, NoTrial> {
     let (mut with, n_tried) = (base.clone(), depends_on.len() as f64);
     let mut held_out_m = problem.held_out_m(base)?;
     for dependence in depends_on.iter_mut().filter(|dependence| !dependence.terms.is_empty()) {
@@ -63,7 +64,9 @@ fn add_terms(
         let terms = dependence.terms.iter().map(|&(of, square)| FittedTerm { of, square, frame, values: [0.0; 6] });
         let has_room = terms.map(|term| model.effects.push(Effect::FittedTerm(term))).all(|pushed| pushed.is_ok());
         // A term that leaves the arm without a pose somewhere is not the one.
-        let Some(trial) = has_room.then(|| problem.fitted(&model).ok()).flatten() else { continue };
+        let trial = has_room.then(|| problem.fitted(&model).ok()).flatten();
+        problem.progress().check()?;
+        let Some(trial) = trial else { continue };
         let is_gain = problem.under(&with).reduction(&with, &trial).p * n_tried < DISCOVERY_LEVEL;
         if is_gain && !replaces_rejected(problem, &with, &trial)? {
             let left_m = problem.held_out_m(&trial)?;

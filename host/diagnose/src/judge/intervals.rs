@@ -6,6 +6,7 @@ use crate::effect::{Effect, Value};
 use crate::judge::selected::SelectedSignals;
 use crate::linearise::experiment::{self, Candidate};
 use crate::outcome::Number;
+use crate::progress::Cancelled;
 use crate::select::backward::FALSE_SHARE;
 use crate::select::problem::{Neighbours as _, RegressionProblem as _};
 use crate::select::robust_fit::{pseudo_inverse, weights};
@@ -83,7 +84,11 @@ fn next_shapes(selected: &SelectedSignals, candidate: usize) -> impl Iterator<It
 }
 
 /// The effects with the values that these rows identify, and the names of those that they do not.
-pub(crate) fn effects(selected: &SelectedSignals) -> (Vec<Effect>, Vec<String>) {
+///
+/// # Errors
+///
+/// The diagnosis was given up.
+pub(crate) fn effects(selected: &SelectedSignals) -> Result<(Vec<Effect>, Vec<String>), Cancelled> {
     let SelectedSignals { problem, best, n_known, .. } = selected;
     let indices = problem.indices(&best.fit.active);
     let deviations = deviations(selected, &indices);
@@ -92,7 +97,7 @@ pub(crate) fn effects(selected: &SelectedSignals) -> (Vec<Effect>, Vec<String>) 
     let width = quantile_975(problem.groups.n_blocks.saturating_sub(1));
     let (mut found, mut unobservable, mut next): (Vec<Effect>, _, _) = (Vec::new(), Vec::new(), 0);
     let surrogates = surrogates(problem, best, *n_known);
-    let (named, neighbours) = (named(selected, &deviations), problem.neighbours(best));
+    let (named, neighbours) = (named(selected, &deviations), problem.neighbours(best)?);
     for order in 0..best.fit.active.len() {
         let candidate = selected.candidate(order);
         let mut values: Vec<Value> = candidate.shape.iter().map(shape).collect();
@@ -121,15 +126,15 @@ pub(crate) fn effects(selected: &SelectedSignals) -> (Vec<Effect>, Vec<String>) 
         } else if let Some(same) = same {
             same.values.extend(values);
         } else if values.len() > n_shape && named[order] {
-            let Ok(without) = neighbours.with_one_less(order);
+            let without = neighbours.with_one_less(order)?;
             let held_out_gain = held_out_gain(selected, &without.fit);
             found.push(Effect { law: candidate.law, site: candidate.site.clone(), values, held_out_gain });
         }
     }
     if problem.experiment.all_priors_informative() {
-        unobservable.extend(not_narrowed_with(selected));
+        unobservable.extend(not_narrowed_with(selected)?);
     }
-    (found, unobservable)
+    Ok((found, unobservable))
 }
 
 /// The number in the shape of a law.
@@ -138,9 +143,14 @@ fn shape((name, value, unit): &(&'static str, f64, String)) -> Value {
 }
 
 /// The values of the other candidates that these rows do not identify beside those of a model.
-fn not_narrowed_with(selected: &SelectedSignals) -> Vec<String> {
+fn not_narrowed_with(selected: &SelectedSignals) -> Result<Vec<String>, Cancelled> {
     let others = (0..selected.problem.experiment.candidates.len()).filter(|k| !selected.best.fit.active.contains(k));
-    others.flat_map(|k| not_narrowed(selected, k)).collect()
+    let mut all = Vec::new();
+    for k in others {
+        selected.problem.progress().check()?;
+        all.extend(not_narrowed(selected, k));
+    }
+    Ok(all)
 }
 
 /// The values of the candidate `k` that these rows do not identify beside those of a model.

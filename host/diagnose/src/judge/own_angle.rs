@@ -9,27 +9,33 @@ use crate::judge::regression::{Design, Term, of_axis};
 use crate::judge::selected::SelectedSignals;
 use crate::measured::Measured;
 use crate::outcome::{Regressor, Shape};
+use crate::progress::Cancelled;
 use crate::select::problem::{Neighbours as _, RegressionProblem as _};
 
 /// Share of what a body adds, in squares of the noise, that is on one joint where it is that joint's alone.
 const ON_ONE_JOINT: f64 = 0.98;
 
 /// The spring of a joint, as a candidate, that does as well as the body with this number in the model.
-pub(super) fn balancer(selected: &SelectedSignals, order: usize) -> Option<usize> {
+///
+/// # Errors
+///
+/// The diagnosis was given up.
+pub(super) fn balancer(selected: &SelectedSignals, order: usize) -> Result<Option<usize>, Cancelled> {
     let SelectedSignals { problem, best, .. } = selected;
     let (experiment, body) = (&problem.experiment, selected.candidate(order));
     let is_link = matches!(body.site.place, Place::Link(_));
     if experiment.kind != Measured::JointTorque || body.law != Law::MassDistribution || !is_link {
-        return None;
+        return Ok(None);
     }
-    let joint = only_joint(selected, order)?;
+    let Some(joint) = only_joint(selected, order) else { return Ok(None) };
     let name = format!("position of joint {}", joint + 1);
-    let (_, angle) = experiment.channels.iter().find(|(channel, _)| *channel == name)?;
+    let angle = experiment.channels.iter().find(|(channel, _)| *channel == name);
+    let Some((_, angle)) = angle else { return Ok(None) };
     let regressor = Regressor::Signals(vec![name]);
     let columns = [f64::sin, f64::cos].map(|of| angle.iter().map(|q| of(*q)).collect()).into();
     let term = Term { regressor, shape: Shape::Straight, columns, kept: Vec::new() };
-    let design = Design::new(&term, &problem.groups.training)?;
-    let Ok(without) = problem.neighbours(best).with_one_less(order);
+    let Some(design) = Design::new(&term, &problem.groups.training) else { return Ok(None) };
+    let without = problem.neighbours(best)?.with_one_less(order)?;
     let n_axes = experiment.axes.len();
     let (mut by_spring, by_body) = (experiment.at(&without.fit.values), experiment.at(&best.fit.values));
     let left = design.take(&of_axis(&by_spring, n_axes, joint)).left;
@@ -40,7 +46,7 @@ pub(super) fn balancer(selected: &SelectedSignals, order: usize) -> Option<usize
         let candidate = &experiment.candidates[*k];
         candidate.law == Law::Spring && candidate.site.place == Place::Joint(joint)
     };
-    (0..experiment.candidates.len()).find(spring).filter(|_| !is_worse)
+    Ok((0..experiment.candidates.len()).find(spring).filter(|_| !is_worse))
 }
 
 /// The one joint whose torque a body changes; `None` where it changes others as well.

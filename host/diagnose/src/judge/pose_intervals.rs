@@ -5,15 +5,15 @@ use darm_arm::arm::ArmScratch;
 use super::selected::SelectedPoses;
 use crate::linearise::arm_candidates;
 use crate::outcome::{Effect, Number, Value};
-use crate::prepare::observations::{self, NoPose};
+use crate::prepare::observations;
 use crate::select::problem::RegressionProblem as _;
 use crate::select::problem::{Neighbours as _, Trial};
 use crate::select::robust_fit::covariance;
 use crate::select::significance::quantile_975;
-use crate::select::tool_pose::{ToolPoses, values};
+use crate::select::tool_pose::{NoTrial, ToolPoses, values};
 
 /// The effects selected, with intervals of their values.
-pub(crate) fn effects(selected: &SelectedPoses) -> Result<Vec<Effect>, NoPose> {
+pub(crate) fn effects(selected: &SelectedPoses) -> Result<Vec<Effect>, NoTrial> {
     let SelectedPoses { arm, problem, best, .. } = *selected;
     let fit = &best.fit;
     let covariance = covariance(fit, &problem.training);
@@ -38,13 +38,13 @@ pub(crate) fn effects(selected: &SelectedPoses) -> Result<Vec<Effect>, NoPose> {
 }
 
 /// By how much the held-out error is larger without one of the effects, m.
-fn held_out_gain_m(selected: &SelectedPoses, effect: usize) -> Result<f64, NoPose> {
+fn held_out_gain_m(selected: &SelectedPoses, effect: usize) -> Result<f64, NoTrial> {
     let SelectedPoses { arm, problem, best, .. } = *selected;
     let without = if best.fit.model.effects.len() == selected.n_known() + 1 {
         let nominal = problem.training.residuals(&arm.model, &mut ArmScratch::default())?;
         problem.held_out_m_of(&arm.model, &nominal)?
     } else {
-        problem.held_out_m(&problem.neighbours(best).with_one_less(effect)?)?
+        problem.held_out_m(&problem.neighbours(best)?.with_one_less(effect)?)?
     };
     Ok(without - problem.held_out_m(best)?)
 }

@@ -15,9 +15,10 @@ use crate::linearise::arm_candidates;
 use crate::outcome::{Alternative, AxisFigure, Number, Repeatability, RepeatedIn, Structure, Verdict};
 use crate::prepare::observations::{NoPose, axes};
 use crate::prepare::repeatability::Noise;
+use crate::progress::Cancelled;
 use crate::select::forward::rivals;
 use crate::select::problem::{RegressionProblem as _, Trial};
-use crate::select::tool_pose::ToolPoses;
+use crate::select::tool_pose::{NoTrial, ToolPoses};
 use darm_arm::arm::{Arm, ArmScratch};
 
 /// Share that may be left by effects which are named beside what remains: laws that only stand for another cause leave more.
@@ -29,17 +30,17 @@ pub(crate) fn judge(
     start: &Trial<ToolPoses>,
     last_rivals: Vec<Trial<ToolPoses>>,
     how: Proposal,
-) -> Result<(Judgement, Option<WithTerms>), NoPose> {
+) -> Result<(Judgement, Option<WithTerms>), NoTrial> {
     let SelectedPoses { arm, problem, best, .. } = *selected;
     let residuals = problem.training.residuals(&arm.model, &mut ArmScratch::default())?;
-    let (mut before, mut remaining) = (structure(selected, &residuals, 0), structure_after(selected, best));
+    let (mut before, mut remaining) = (structure(selected, &residuals, 0)?, structure_after(selected, best)?);
     let mut alternatives = alternatives(selected, last_rivals)?;
     let effects = selected.effects();
     let look = |trial: &Trial<ToolPoses>| structure_after(selected, trial);
     let with = with_terms(problem, best, &mut remaining.depends_on, look)?;
     let is_wrong_in_part = far_rows::are_too_many(far_rows::far_rows(selected).len(), problem.training.rows.len());
     let explained = agreement::poses::explained(arm, selected.run, problem.training.distances_m(&best.predicted));
-    let beyond_repeats = |trial: &Trial<ToolPoses>| Ok(exceeds_noise(&left(selected, trial)?));
+    let beyond_repeats = |trial: &Trial<ToolPoses>| Ok::<_, NoPose>(exceeds_noise(&left(selected, trial)?));
     let evidence = Evidence {
         agrees: selected.agreement.allows(effects.len(), explained),
         named: effects.len(),
@@ -118,7 +119,7 @@ fn left(selected: &SelectedPoses, trial: &Trial<ToolPoses>) -> Result<Vec<AxisLe
 }
 
 /// The structure that a model leaves.
-fn structure_after(selected: &SelectedPoses, trial: &Trial<ToolPoses>) -> Structure {
+fn structure_after(selected: &SelectedPoses, trial: &Trial<ToolPoses>) -> Result<Structure, Cancelled> {
     structure(selected, &trial.fit.residuals, trial.fit.values.len())
 }
 
@@ -129,7 +130,7 @@ fn is_same_part(other: &Alternative, effects: &[Effect<f64>]) -> bool {
 }
 
 /// For every effect selected: what else explains the measurements as well in its place.
-fn alternatives(selected: &SelectedPoses, last_rivals: Vec<Trial<ToolPoses>>) -> Result<Vec<Alternative>, NoPose> {
+fn alternatives(selected: &SelectedPoses, last_rivals: Vec<Trial<ToolPoses>>) -> Result<Vec<Alternative>, NoTrial> {
     let SelectedPoses { arm, problem, best, .. } = *selected;
     let (n_known, n) = (selected.n_known(), best.fit.model.effects.len());
     let mut all = Vec::new();

@@ -9,9 +9,10 @@
 use std::f64::consts::TAU;
 
 use crate::judge::far_rows::far_rows_of_signals;
-use crate::judge::regression::{Design, Term, centred, of_axis, squares};
+use crate::judge::regression::{Design, Taken, Term, centred, of_axis, squares};
 use crate::linearise::experiment::{Axis, Experiment};
 use crate::outcome::{Dependence, Number, Regressor, Shape};
+use crate::progress::Cancelled;
 use crate::select::problem::{RegressionProblem as _, Trial};
 use crate::select::signals::Signals;
 use crate::select::significance::STRUCTURE_LEVEL;
@@ -56,12 +57,16 @@ pub(crate) struct Remaining {
 }
 
 /// What the residual of a model depends on.
-pub(crate) fn remaining(problem: &Signals, best: &Trial<Signals>) -> Remaining {
+///
+/// # Errors
+///
+/// The diagnosis was given up.
+pub(crate) fn remaining(problem: &Signals, best: &Trial<Signals>) -> Result<Remaining, Cancelled> {
     let (experiment, rows) = (&problem.experiment, &problem.groups.training);
     let n_axes = experiment.axes.len();
     let after = experiment.at(&best.fit.values);
     let dictionary = dictionary(experiment);
-    let designs: Vec<Design> = dictionary.iter().filter_map(|term| Design::new(term, rows)).collect();
+    let designs = designs(problem, &dictionary)?;
     let mut terms = Vec::new();
     let (mut taken, mut before, mut over_noise) = (0.0, f64::MIN_POSITIVE, 1.0f64);
     let blunders = blunders(problem, best);
@@ -70,31 +75,52 @@ pub(crate) fn remaining(problem: &Signals, best: &Trial<Signals>) -> Remaining {
         blunders.iter().for_each(|&row| own[row] = 0.0);
         let in_scatter = |own: &[f64]| squares(own, rows) / (scatter * scatter);
         let total = in_scatter(&own);
-        let depends = dependences(problem, of, &designs, own);
+        let depends = dependences(problem, of, &designs, own)?;
         let share = depends.iter().map(|term| term.share).sum::<f64>();
         taken += share * total;
         over_noise = over_noise.max((1.0 - share).max(f64::MIN_POSITIVE).sqrt().recip());
         before += in_scatter(&winsorized(&of_axis(&experiment.residuals, n_axes, axis)).0);
         terms.extend(depends);
     }
-    Remaining { terms, share: taken / before, over_noise }
+    Ok(Remaining { terms, share: taken / before, over_noise })
+}
+
+/// The terms of a dictionary, made ready for the rows that fits see.
+fn designs<'a>(problem: &'a Signals, dictionary: &'a [Term]) -> Result<Vec<Design<'a>>, Cancelled> {
+    let mut designs = Vec::new();
+    for term in dictionary {
+        problem.progress().check()?;
+        designs.extend(Design::new(term, &problem.groups.training));
+    }
+    Ok(designs)
 }
 
 /// What the residual of an axis depends on most in a model without one of its effects, and the residuals of all axes without that.
-pub(crate) fn instead(problem: &Signals, without: &Trial<Signals>, axis: usize) -> Option<(Dependence, Vec<f64>)> {
+///
+/// # Errors
+///
+/// The diagnosis was given up.
+pub(crate) fn instead(
+    problem: &Signals,
+    without: &Trial<Signals>,
+    axis: usize,
+) -> Result<Option<(Dependence, Vec<f64>)>, Cancelled> {
     let experiment = &problem.experiment;
     let n_axes = experiment.axes.len();
     let mut residuals = experiment.at(&without.fit.values);
     let dictionary = dictionary(experiment);
-    let designs: Vec<Design> =
-        dictionary.iter().filter_map(|term| Design::new(term, &problem.groups.training)).collect();
+    let designs = designs(problem, &dictionary)?;
     let (own, _) = winsorized(&of_axis(&residuals, n_axes, axis));
-    let first = dependences(problem, &experiment.axes[axis], &designs, own).into_iter().next()?;
-    let design = designs.iter().find(|d| d.term.regressor == first.regressor && d.term.shape == first.shape)?;
+    let first = dependences(problem, &experiment.axes[axis], &designs, own)?.into_iter().next();
+    let is_of = |design: &&Design, first: &Dependence| {
+        design.term.regressor == first.regressor && design.term.shape == first.shape
+    };
+    let design = first.as_ref().and_then(|first| designs.iter().find(|design| is_of(design, first)));
+    let Some((first, design)) = first.zip(design) else { return Ok(None) };
     let left = design.take(&of_axis(&residuals, n_axes, axis)).left;
     let mean = problem.groups.training.iter().map(|&row| left[row]).sum::<f64>() / problem.groups.training.len() as f64;
     residuals.iter_mut().skip(axis).step_by(n_axes).zip(left).for_each(|(own, left)| *own = left - mean);
-    Some((first, residuals))
+    Ok(Some((first, residuals)))
 }
 
 /// Training rows that are listed as outliers, where they are few: what residuals depend on is not theirs.
@@ -107,7 +133,12 @@ fn blunders(problem: &Signals, best: &Trial<Signals>) -> Vec<usize> {
 
 /// The terms of one axis, the strongest first. Rows repeat each other as far as what a term leaves is correlated from row
 /// to row.
-fn dependences(problem: &Signals, axis: &Axis, designs: &[Design], own: Vec<f64>) -> Vec<Dependence> {
+fn dependences(
+    problem: &Signals,
+    axis: &Axis,
+    designs: &[Design],
+    own: Vec<f64>,
+) -> Result<Vec<Dependence>, Cancelled> {
     let (experiment, rows) = (&problem.experiment, &problem.groups.training);
     let n_tried = (designs.len() * experiment.axes.len()) as f64;
     let held_out: Vec<usize> = (0..experiment.rows.len()).filter(|&row| experiment.rows[row].held_out).collect();
@@ -117,8 +148,15 @@ fn dependences(problem: &Signals, axis: &Axis, designs: &[Design], own: Vec<f64>
     let mut mean = rows.iter().map(|&row| own[row]).sum::<f64>() / rows.len().max(1) as f64;
     let (mut found, mut left): (Vec<Dependence>, _) = (Vec::new(), own);
     while found.len() < MAX_TERMS {
-        let tried = designs.iter().map(|design| (design, design.take(&left)));
-        let Some((design, taken)) = tried.min_by(|a, b| a.1.criterion.total_cmp(&b.1.criterion)) else { break };
+        let mut first: Option<(&Design, Taken)> = None;
+        for design in designs {
+            problem.progress().check()?;
+            let taken = design.take(&left);
+            if first.as_ref().is_none_or(|(_, first)| taken.criterion.total_cmp(&first.criterion).is_lt()) {
+                first = Some((design, taken));
+            }
+        }
+        let Some((design, taken)) = first else { break };
         let own = centred(&taken.left, rows);
         let seen: Vec<f64> = rows.iter().map(|&row| own[row]).collect();
         let p = taken.p(problem.groups.autocorrelation_time(&seen, 1)) * n_tried;
@@ -148,7 +186,7 @@ fn dependences(problem: &Signals, axis: &Axis, designs: &[Design], own: Vec<f64>
         });
         left = taken.left;
     }
-    found
+    Ok(found)
 }
 
 /// A term against its channel, in rising order.

@@ -14,6 +14,7 @@ use crate::linearise::experiment::{Candidate, Experiment};
 use crate::linearise::torque::is_ripple;
 use crate::measured::Measured;
 use crate::outcome::{Alternative, Dependence, Regressor, RepeatedIn, Shape, Structure, Verdict};
+use crate::progress::Cancelled;
 use crate::select::factored::judged;
 use crate::select::problem::{Neighbours as _, RegressionProblem as _};
 use crate::select::significance::{RIVAL_LEVEL, STRUCTURE_LEVEL};
@@ -46,17 +47,25 @@ struct Rival {
 
 /// Judges a selection; behind a filter noise is correlated from row to row as well. `pooled` has the held-out residuals of other
 /// searches.
-pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_filtered: bool) -> Judgement {
+///
+/// # Errors
+///
+/// The diagnosis was given up.
+pub(crate) fn judge(
+    selected: &SelectedSignals,
+    pooled: Option<&HeldOut>,
+    is_filtered: bool,
+) -> Result<Judgement, Cancelled> {
     let (problem, best) = (&selected.problem, &selected.best);
-    let (mut effects, mut unobservable) = intervals::effects(selected);
-    let mut rivals = rivals_of_effects(selected, &effects);
-    let balanced = balancers(selected, &effects);
+    let (mut effects, mut unobservable) = intervals::effects(selected)?;
+    let mut rivals = rivals_of_effects(selected, &effects)?;
+    let balanced = balancers(selected, &effects)?;
     let no_row_distinguishes = !balanced.is_empty() && rivals.is_empty();
     rivals.extend(balanced);
     unobservable.extend(impossible(selected));
     effects.retain(|found| !rivals.iter().any(|rival| is_of(found, selected.candidate(rival.order))));
     let doubtful = doubtful(selected, effects.is_empty(), &rivals);
-    let Remaining { terms: mut remaining, share: left, over_noise } = remaining::remaining(problem, best);
+    let Remaining { terms: mut remaining, share: left, over_noise } = remaining::remaining(problem, best)?;
     let after = problem.experiment.at(&best.fit.values);
     let scatter = scatter::scatter(&problem.experiment, &after, is_filtered);
     let sigma = &best.weighting.sigma;
@@ -72,7 +81,9 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
         let open: Vec<Dependence> = memory.into_iter().filter(is_open).collect();
         remaining.extend(open);
     }
-    remaining.splice(0..0, scatter.iter().flat_map(|scatter| leave_beaten(selected, &mut effects, (&after, scatter))));
+    if let Some(scatter) = &scatter {
+        remaining.splice(0..0, leave_beaten(selected, &mut effects, (&after, scatter))?);
+    }
     let event = event(&problem.experiment, &effects);
     let is_event = event.is_some();
     remaining.splice(0..0, event);
@@ -90,7 +101,7 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
         was_beyond_noise: is_wrong_in_part
             || rest.is_beyond_repeats
             || !remaining.is_empty()
-            || is_any && chance_of_gain(selected) < STRUCTURE_LEVEL,
+            || is_any && chance_of_gain(selected)? < STRUCTURE_LEVEL,
         is_left: is_wrong_in_part
             || is_event
             || left > UNEXPLAINED_SHARE
@@ -122,7 +133,7 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
         () => asks_for_repeats.then(|| next_rows::to_repeat(problem)),
     };
     let alternatives = alternatives(selected, &rivals);
-    Judgement {
+    Ok(Judgement {
         verdict,
         effects,
         alternatives,
@@ -134,7 +145,7 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
         structure: None,
         remaining: structure(remaining),
         next_measurement,
-    }
+    })
 }
 
 /// What remains, without the numbers that only poses have.
@@ -180,10 +191,10 @@ fn unconfirmed(selected: &SelectedSignals, named: &[Effect]) -> Vec<String> {
 
 /// Chance that all effects selected together predict unseen rows so much better where there is none, times the number of
 /// candidates.
-fn chance_of_gain(selected: &SelectedSignals) -> f64 {
+fn chance_of_gain(selected: &SelectedSignals) -> Result<f64, Cancelled> {
     let SelectedSignals { problem, best, n_known, .. } = selected;
-    let known = judged(problem.under(best), best.fit.active[..*n_known].to_vec(), None);
-    problem.under(best).reduction(&known, best).p * problem.moves.len() as f64
+    let known = judged(problem.under(best), best.fit.active[..*n_known].to_vec(), None)?;
+    Ok(problem.under(best).reduction(&known, best).p * problem.moves.len() as f64)
 }
 
 /// Whether effects take half of the mean square of the rows that fits see, without what is far off.
@@ -273,19 +284,24 @@ impl Rest {
 }
 
 /// Springs of joints in the place of bodies that are named.
-fn balancers(selected: &SelectedSignals, effects: &[Effect]) -> Vec<Rival> {
+fn balancers(selected: &SelectedSignals, effects: &[Effect]) -> Result<Vec<Rival>, Cancelled> {
     let orders = selected.n_known..selected.best.fit.active.len();
     let is_named = |order: &usize| effects.iter().any(|found| is_of(found, selected.candidate(*order)));
     let rival = |order: usize| {
-        let candidate = own_angle::balancer(selected, order)?;
-        Some(Rival { order, candidate, cross_validated: selected.best.error, worse_with: 0.0 })
+        let candidate = own_angle::balancer(selected, order).transpose()?;
+        let of = |candidate| Rival { order, candidate, cross_validated: selected.best.error, worse_with: 0.0 };
+        Some(candidate.map(of))
     };
     orders.filter(is_named).filter_map(rival).collect()
 }
 
 /// Leaves effects of one axis that leave more than noise there, where something that is no law, in their place, leaves no more and
 /// lowers the error on the held-out rows; gives what that is.
-fn leave_beaten(selected: &SelectedSignals, effects: &mut Vec<Effect>, of: (&[f64], &Scatter)) -> Vec<Dependence> {
+fn leave_beaten(
+    selected: &SelectedSignals,
+    effects: &mut Vec<Effect>,
+    of: (&[f64], &Scatter),
+) -> Result<Vec<Dependence>, Cancelled> {
     let SelectedSignals { problem, best, n_known, .. } = selected;
     let (experiment, (after, scatter)) = (&problem.experiment, of);
     let held_out = experiment.of_rows(after, true);
@@ -297,22 +313,22 @@ fn leave_beaten(selected: &SelectedSignals, effects: &mut Vec<Effect>, of: (&[f6
         let axis = match found.site.place {
             Place::Joint(joint) if experiment.kind == Measured::JointTorque => joint,
             _ if experiment.axes.len() == 1 => 0,
-            _ => return None,
+            _ => return Ok(None),
         };
         if held_out.is_empty() || !is_more(after, axis) {
-            return None;
+            return Ok(None);
         }
         let mut orders = (*n_known..best.fit.active.len()).filter(|&order| is_of(found, selected.candidate(order)));
-        let (Some(order), None) = (orders.next(), orders.next()) else { return None };
-        let Ok(without) = problem.neighbours(best).with_one_less(order);
-        let (term, left) = remaining::instead(problem, &without, axis)?;
+        let (Some(order), None) = (orders.next(), orders.next()) else { return Ok(None) };
+        let without = problem.neighbours(best)?.with_one_less(order)?;
+        let Some((term, left)) = remaining::instead(problem, &without, axis)? else { return Ok(None) };
         let of_both = HeldOut { before: held_out.clone(), after: experiment.of_rows(&left, true) };
-        (!is_more(&left, axis) && of_both.falls(&best.weighting.sigma, 0)).then_some(term)
+        Ok((!is_more(&left, axis) && of_both.falls(&best.weighting.sigma, 0)).then_some(term))
     };
-    let beaten: Vec<Option<Dependence>> = effects.iter().map(beaten_by).collect();
+    let beaten = effects.iter().map(beaten_by).collect::<Result<Vec<Option<Dependence>>, Cancelled>>()?;
     let mut are_beaten = beaten.iter().map(Option::is_some);
     effects.retain(|_| !are_beaten.next().unwrap_or(false));
-    beaten.into_iter().flatten().collect()
+    Ok(beaten.into_iter().flatten().collect())
 }
 
 /// Whether a candidate is this effect, in whatever shape.
@@ -324,17 +340,17 @@ fn is_of(found: &Effect, candidate: &Candidate) -> bool {
 ///
 /// Another shape of the same law at the same place is no other explanation, and neither is what is in the model already. What
 /// explains the lesser part of an effect as well leaves the effect where it is.
-fn rivals_of_effects(selected: &SelectedSignals, effects: &[Effect]) -> Vec<Rival> {
+fn rivals_of_effects(selected: &SelectedSignals, effects: &[Effect]) -> Result<Vec<Rival>, Cancelled> {
     let SelectedSignals { problem, best, n_known, .. } = selected;
     if selected.n_found() == 0 || selected.n_found() > MAX_COMPARED {
-        return Vec::new();
+        return Ok(Vec::new());
     }
     let candidates = &problem.experiment.candidates;
     let is_named = |order: &usize| effects.iter().any(|found| is_of(found, selected.candidate(*order)));
     let mut all: Vec<Rival> = Vec::new();
     let is_certain = |order: &usize| is_named(order) && !is_lesser_part(selected, *order);
     for order in (*n_known..best.fit.active.len()).filter(is_certain) {
-        for (candidate, rival, worse_with) in single_rivals(problem, best, order) {
+        for (candidate, rival, worse_with) in single_rivals(problem, best, order)? {
             let is_same = |other: usize| candidates[other].is_same(&candidates[candidate]);
             let is_known = all.iter().any(|rival| rival.order == order && is_same(rival.candidate));
             // Laws of one place differ in their shape; what is elsewhere often adds the same.
@@ -345,7 +361,7 @@ fn rivals_of_effects(selected: &SelectedSignals, effects: &[Effect]) -> Vec<Riva
             }
         }
     }
-    all
+    Ok(all)
 }
 
 /// Whether an effect is the lesser part of another: a second shape of its law, or the other phase of a ripple.

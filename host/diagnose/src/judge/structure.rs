@@ -9,9 +9,11 @@ use darm_core::effect::Frame;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::judge::pose_dictionary::dictionary;
-use crate::judge::regression::{Design, Term, of_axis, squares};
+use crate::judge::regression::{Design, Taken, Term, of_axis, squares};
 use crate::judge::selected::SelectedPoses;
 use crate::outcome::{Dependence, Structure, axis_name};
+use crate::progress::Cancelled;
+use crate::select::problem::RegressionProblem as _;
 use crate::select::robust_fit::{size, weights};
 use crate::select::significance::f_test;
 use darm_measure::median;
@@ -24,7 +26,11 @@ const MAIN_SHARE: f64 = 0.75;
 const TRIMMED: f64 = 0.1;
 
 /// The structure in the residuals of some rows, after `fitted` values were fitted to them.
-pub(crate) fn structure(selected: &SelectedPoses, residuals: &[f64], fitted: usize) -> Structure {
+///
+/// # Errors
+///
+/// The diagnosis was given up.
+pub(crate) fn structure(selected: &SelectedPoses, residuals: &[f64], fitted: usize) -> Result<Structure, Cancelled> {
     let (observations, noise) = (&selected.problem.training, selected.repeats());
     let n_axes = observations.n_axes();
     let winsorized = winsorized(residuals, n_axes);
@@ -36,7 +42,7 @@ pub(crate) fn structure(selected: &SelectedPoses, residuals: &[f64], fitted: usi
     let (depends_on, left) = match noise {
         // What rounding does to a pose depends on the word.
         Some(noise) if noise.is_rounded && !is_far => (Vec::new(), huberized.clone()),
-        _ => dependences(selected, &huberized),
+        _ => dependences(selected, &huberized)?,
     };
     let beyond_noise = is_far || !depends_on.is_empty();
     let square = trimmed_mean_square(residuals, n_axes);
@@ -47,7 +53,7 @@ pub(crate) fn structure(selected: &SelectedPoses, residuals: &[f64], fitted: usi
             (square * share, over_rest(&huberized, &left, n_axes))
         }
     };
-    Structure { ratio: noise.map(|_| ratio), p, beyond_noise, excess, over_noise, depends_on }
+    Ok(Structure { ratio: noise.map(|_| ratio), p, beyond_noise, excess, over_noise, depends_on })
 }
 
 /// Mean square of a component, without the rows that are farthest off, in units of what it is of normal noise.
@@ -85,7 +91,7 @@ fn over_rest(residuals: &[f64], left: &[f64], n_axes: usize) -> f64 {
 }
 
 /// What residuals depend on, and what is left of them without that.
-fn dependences(selected: &SelectedPoses, residuals: &[f64]) -> (Vec<Dependence>, Vec<f64>) {
+fn dependences(selected: &SelectedPoses, residuals: &[f64]) -> Result<(Vec<Dependence>, Vec<f64>), Cancelled> {
     let SelectedPoses { arm, run, problem, .. } = *selected;
     let (observations, level) = (&problem.training, problem.levels.structure);
     let terms = dictionary(arm, run, observations);
@@ -99,10 +105,17 @@ fn dependences(selected: &SelectedPoses, residuals: &[f64]) -> (Vec<Dependence>,
     let mut left = residuals.to_vec();
     while found.len() < MAX_TERMS {
         let turned = observations.in_base(&left);
-        let tried = designs.iter().flat_map(|design| {
-            [(Frame::Tool, &left), (Frame::Base, &turned)].map(|(frame, rows)| (frame, design, design.take(rows)))
-        });
-        let Some((frame, design, taken)) = tried.min_by(|a, b| a.2.criterion.total_cmp(&b.2.criterion)) else { break };
+        let mut first: Option<(Frame, &Design, Taken)> = None;
+        for design in &designs {
+            for (frame, rows) in [(Frame::Tool, &left), (Frame::Base, &turned)] {
+                problem.progress().check()?;
+                let taken = design.take(rows);
+                if first.as_ref().is_none_or(|(.., first)| taken.criterion.total_cmp(&first.criterion).is_lt()) {
+                    first = Some((frame, design, taken));
+                }
+            }
+        }
+        let Some((frame, design, taken)) = first else { break };
         let p = (taken.p(1.0) * n_tried).min(1.0);
         if p >= level || taken.criterion >= 0.0 {
             break;
@@ -124,7 +137,7 @@ fn dependences(selected: &SelectedPoses, residuals: &[f64]) -> (Vec<Dependence>,
             terms: kept.clone(),
         });
     }
-    (found, left)
+    Ok((found, left))
 }
 
 /// The axis that a term takes most of its squares from, in units of the noise.

@@ -25,6 +25,7 @@ use crate::linearise::serial_chain::site_of_joint;
 use crate::measured::Measured;
 use crate::prepare::groups::Row;
 use crate::prepare::signals::{PrepareError, Prepared};
+use crate::progress::Progress;
 use darm_measure::{Finding, FindingKind};
 use darm_robot::rigid_body::regressor::{BodyMotion, joint_regressor, link_motions, wrench_regressor};
 use darm_robot::robot::{Robot, RobotJoint};
@@ -73,16 +74,17 @@ pub(crate) fn experiment(
     data: &Prepared,
     robot: &Robot,
     transmission: Option<&Transmission>,
-    known: &[ModelEffect],
-    near: Option<Near>,
-) -> Result<Experiment, PrepareError> {
+    (known, near): (&[ModelEffect], Option<Near>),
+    progress: &Progress,
+) -> Result<Experiment, DiagnoseError> {
     let n = robot.joints.len();
     let motion = match transmission {
         Some(transmission) if data.raw("qm1").is_some() => of_motors(data, transmission, n)?,
         _ => of_joints(data, robot)?,
     };
     let motion = Motion { payload: payload::carried(data)?, is_sample: data.is_sample(), near, ..motion };
-    let mut experiment = of_motion(data.rows.clone(), robot, transmission, known, &motion)?;
+    let rows = (data.rows.clone(), progress);
+    let mut experiment = of_motion(rows, robot, transmission, known, &motion)?;
     experiment.findings.extend(other_joints(data, n));
     Ok(experiment)
 }
@@ -123,21 +125,21 @@ pub fn added(
     let rows: Vec<Row> = times_s.iter().enumerate().map(row).collect();
     let (tau, payload) = (vec![vec![0.0; rows.len()]; n], vec![0; rows.len()]);
     let motion = Motion { q, v, a, tau, payload, is_sample: false, near: None };
-    let mut experiment = of_motion(rows, robot, transmission, known, &motion)?;
+    let mut experiment = of_motion((rows, &Progress::default()), robot, transmission, known, &motion)?;
     let nominal = experiment.residuals.clone();
     model_effects::apply(&mut experiment, known)?;
     let more: Vec<f64> = experiment.residuals.iter().zip(&nominal).map(|(with, without)| with - without).collect();
     Ok(more.chunks(n.max(1)).map(<[f64]>::to_vec).collect())
 }
 
-/// The experiment of a motion.
+/// The experiment of a motion, unless it is given up between two joints.
 fn of_motion(
-    rows: Vec<Row>,
+    (rows, progress): (Vec<Row>, &Progress),
     robot: &Robot,
     transmission: Option<&Transmission>,
     known: &[ModelEffect],
     motion: &Motion,
-) -> Result<Experiment, PrepareError> {
+) -> Result<Experiment, DiagnoseError> {
     let n = robot.joints.len();
     let clock = Clock::new(&rows);
     let ripples = if motion.is_sample { 0 } else { RIPPLES };
@@ -149,10 +151,12 @@ fn of_motion(
     let measured: Vec<f64> = (0..rows.len() * n).map(|k| motion.tau[k % n][k / n]).collect();
     let residuals: Vec<f64> = nominal.iter().zip(&measured).map(|(nominal, measured)| nominal - measured).collect();
     let left = near.map_or(&residuals, |near| &near.residuals);
+    progress.check()?;
     let bodies = all_bodies(robot, motion, known, columns)?;
     let misplaced = misplaced(robot, motion, &bodies, (placement, &found))?;
     let (mut candidates, bodies) = bodies.into_iter().unzip::<_, _, Vec<_>, Vec<_>>();
     for (joint, site) in sites.iter().enumerate() {
+        progress.check()?;
         let load: Vec<f64> = (0..rows.len()).map(|row| nominal[row * n + joint]).collect();
         let shares: Vec<f64> = (0..n).map(|k| f64::from(u8::from(k == joint))).collect();
         let [q, v, a] = [&motion.q, &motion.v, &motion.a].map(|channels| &channels[joint][..]);

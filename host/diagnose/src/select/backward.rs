@@ -14,9 +14,11 @@ use rayon::prelude::{IntoParallelRefIterator as _, ParallelIterator as _};
 use super::factored::{Factored, judged};
 use super::forward::SelectionStep;
 use super::problem::{RegressionProblem as _, Trial};
+use super::search::Selected;
 use super::signals::Signals;
 use super::significance::DISCOVERY_LEVEL;
 use crate::effect::Law;
+use crate::progress::Cancelled;
 
 /// Share of the effects named that may be false.
 pub(crate) const FALSE_SHARE: f64 = 0.05;
@@ -24,42 +26,35 @@ pub(crate) const FALSE_SHARE: f64 = 0.05;
 const SWEEPS: usize = 8;
 
 /// The model that is left, and what went and what stayed; the first candidates of `start` always stay.
-pub(super) fn backward_elimination(problem: &Signals, start: &Trial<Signals>) -> (Trial<Signals>, Vec<SelectionStep>) {
+pub(super) fn backward_elimination(problem: &Signals, start: &Trial<Signals>) -> Selected {
     let known = start.fit.active.clone();
-    let full = problem.fitted(every_law(problem, &known));
-    let shaped = best_shapes(problem, full, known.len());
-    let (best, path) = without_unmissed(problem, shaped, known.len());
+    let full = problem.fitted(every_law(problem, &known))?;
+    let shaped = best_shapes(problem, full, known.len())?;
+    let (best, path) = without_unmissed(problem, shaped, known.len())?;
     unless_empty_is_as_good(problem, known, best, path)
 }
 
 /// What is left of a model, and what went and what stayed; the first `n_known` always stay.
-pub(super) fn without_unmissed(
-    problem: &Signals,
-    mut best: Trial<Signals>,
-    n_known: usize,
-) -> (Trial<Signals>, Vec<SelectionStep>) {
+pub(super) fn without_unmissed(problem: &Signals, mut best: Trial<Signals>, n_known: usize) -> Selected {
     let n_tried = every_law(problem, &best.fit.active[..n_known]).len() - n_known;
     let mut path = Vec::new();
     for _ in 0..SWEEPS {
-        if problem.progress.is_cancelled() {
-            break;
-        }
-        let Ok(reweighted) = problem.reweight_until_converged(best);
+        let reweighted = problem.reweight_until_converged(best)?;
         let n_before = reweighted.fit.active.len();
-        (best, path) = sweep(problem, reweighted, n_known, n_tried);
+        (best, path) = sweep(problem, reweighted, n_known, n_tried)?;
         if best.fit.active.len() == n_before {
             break;
         }
     }
-    (best, path)
+    Ok((best, path))
 }
 
 /// The model with every law at every place, and what each law gives.
-pub(super) fn all_laws(problem: &Signals, start: &Trial<Signals>) -> (Trial<Signals>, Vec<SelectionStep>) {
+pub(super) fn all_laws(problem: &Signals, start: &Trial<Signals>) -> Selected {
     let known = start.fit.active.clone();
-    let best = problem.fitted(every_law(problem, &known));
+    let best = problem.fitted(every_law(problem, &known))?;
     let path = {
-        let model = Factored::new(problem.under(&best), best.fit.active.clone());
+        let model = Factored::new(problem.under(&best), best.fit.active.clone())?;
         let law = |k: usize| problem.experiment.candidates[k].law;
         let mut laws: Vec<(Law, Vec<usize>)> = Vec::new();
         for &k in &best.fit.active[known.len()..] {
@@ -68,7 +63,8 @@ pub(super) fn all_laws(problem: &Signals, start: &Trial<Signals>) -> (Trial<Sign
                 None => laws.push((law(k), vec![k])),
             }
         }
-        laws.iter().map(|(_, places)| step(problem, places, &best, &model.without(places), true)).collect()
+        let step = |(_, places): &(Law, Vec<usize>)| Ok(step(problem, places, &best, &model.without(places)?, true));
+        laws.iter().map(step).collect::<Result<_, Cancelled>>()?
     };
     unless_empty_is_as_good(problem, known, best, path)
 }
@@ -79,9 +75,10 @@ fn unless_empty_is_as_good(
     known: Vec<usize>,
     best: Trial<Signals>,
     path: Vec<SelectionStep>,
-) -> (Trial<Signals>, Vec<SelectionStep>) {
-    let empty = judged(problem.under(&best), known, None);
-    if problem.under(&best).reduction(&empty, &best).p < DISCOVERY_LEVEL { (best, path) } else { (empty, Vec::new()) }
+) -> Selected {
+    let empty = judged(problem.under(&best), known, None)?;
+    let is_better = problem.under(&best).reduction(&empty, &best).p < DISCOVERY_LEVEL;
+    Ok(if is_better { (best, path) } else { (empty, Vec::new()) })
 }
 
 /// One candidate for each law at each place, the middle one of its shapes, after those that are known; not what all joints have in
@@ -101,7 +98,7 @@ pub(crate) fn every_law(problem: &Signals, known: &[usize]) -> Vec<usize> {
 }
 
 /// The same with the shapes that predict best, one law after the other, all its places alike.
-fn best_shapes(problem: &Signals, mut best: Trial<Signals>, n_known: usize) -> Trial<Signals> {
+fn best_shapes(problem: &Signals, mut best: Trial<Signals>, n_known: usize) -> Result<Trial<Signals>, Cancelled> {
     let candidates = &problem.experiment.candidates;
     for family in problem.moves.iter().filter(|family| candidates[family[0]].shape.is_some()) {
         let other = |(position, k): (usize, &usize)| {
@@ -110,13 +107,13 @@ fn best_shapes(problem: &Signals, mut best: Trial<Signals>, n_known: usize) -> T
         };
         let active: Vec<usize> = best.fit.active.iter().enumerate().map(other).collect();
         if active != best.fit.active {
-            let trial = judged(problem.under(&best), active, None);
+            let trial = judged(problem.under(&best), active, None)?;
             if problem.under(&best).is_lower(&trial, &best) {
                 best = trial;
             }
         }
     }
-    best
+    Ok(best)
 }
 
 /// What the rows say of effects that the best model has.
@@ -140,32 +137,25 @@ fn step(
 }
 
 /// Looks at every effect once, the least missed first, and takes away what is not missed.
-fn sweep(
-    problem: &Signals,
-    start: Trial<Signals>,
-    n_known: usize,
-    n_tried: usize,
-) -> (Trial<Signals>, Vec<SelectionStep>) {
+fn sweep(problem: &Signals, start: Trial<Signals>, n_known: usize, n_tried: usize) -> Selected {
     let under = problem.under(&start);
-    let mut model = Factored::new(under, start.fit.active.clone());
+    let mut model = Factored::new(under, start.fit.active.clone())?;
     let mut n_left = start.fit.active.len() - n_known;
-    let missed = |&k: &usize| (k, under.gain(&model.without(&[k]), &start));
-    let mut order: Vec<(usize, f64)> = start.fit.active[n_known..].par_iter().map(missed).collect();
+    let missed = |&k: &usize| Ok((k, under.gain(&model.without(&[k])?, &start)));
+    let order = start.fit.active[n_known..].par_iter().map(missed);
+    let mut order = order.collect::<Result<Vec<(usize, f64)>, Cancelled>>()?;
     order.sort_by(|(_, a), (_, b)| a.total_cmp(b));
     let (mut best, mut path) = (start.clone(), Vec::new());
     for (effect, _) in order {
-        if problem.progress.is_cancelled() {
-            break;
-        }
         problem.progress.add_tried(1);
-        let without = model.without(&[effect]);
+        let without = model.without(&[effect])?;
         let kept = under.reduction(&without, &best).p <= FALSE_SHARE * n_left as f64 / n_tried as f64;
         path.push(step(problem, &[effect], &best, &without, kept));
         if !kept {
             best = without;
             n_left -= 1;
-            model = Factored::new(under, best.fit.active.clone());
+            model = Factored::new(under, best.fit.active.clone())?;
         }
     }
-    (best, path)
+    Ok((best, path))
 }

@@ -6,6 +6,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::prepare::groups::Groups;
+use crate::progress::{Cancelled, Progress};
 
 /// Columns of an experiment.
 #[derive(Debug)]
@@ -62,10 +63,17 @@ impl Columns {
 
     /// The lower triangle of Σ w·x·xᵀ over the rows of a fold, with the column `last` after those of all values; weights and `last` have a
     /// number for each row that a fit sees and axis.
-    pub(super) fn sums(&self, fold: usize, weights: &[f64], last: &[f64]) -> DMatrix<f64> {
+    pub(super) fn sums(
+        &self,
+        fold: usize,
+        weights: &[f64],
+        last: &[f64],
+        progress: &Progress,
+    ) -> Result<DMatrix<f64>, Cancelled> {
         let (p, n_axes) = (self.n_values, self.values.len());
         let mut sums = DMatrix::zeros(p + 1, p + 1);
         for (axis, (values, columns)) in self.values.iter().zip(&self.blocks[fold]).enumerate() {
+            progress.check()?;
             let (n, rows) = (values.len(), &self.rows[fold]);
             let of = |numbers: &[f64]| {
                 DVector::from_iterator(rows.len(), rows.iter().map(|row| numbers[row * n_axes + axis]))
@@ -83,7 +91,7 @@ impl Columns {
                 (b..=n).for_each(|a| column[place(a)] += products[(a, b)]);
             }
         }
-        sums
+        Ok(sums)
     }
 
     /// What values of these sizes add in the rows of a fold, row by row, each with all its axes.
@@ -108,9 +116,17 @@ impl Columns {
     }
 
     /// The same for each column of sizes, axis by axis: rows of the fold × columns.
-    pub(super) fn moved_by_each(&self, fold: usize, sizes: &DMatrix<f64>) -> Vec<DMatrix<f64>> {
-        let blocks = self.values.iter().zip(&self.blocks[fold]);
-        blocks.map(|(values, columns)| columns * sizes.select_rows(values)).collect()
+    pub(super) fn moved_by_each(
+        &self,
+        fold: usize,
+        sizes: &DMatrix<f64>,
+        progress: &Progress,
+    ) -> Result<Vec<DMatrix<f64>>, Cancelled> {
+        let of_axis = |(values, columns): (&Vec<usize>, &DMatrix<f64>)| {
+            progress.check()?;
+            Ok(columns * sizes.select_rows(values))
+        };
+        self.values.iter().zip(&self.blocks[fold]).map(of_axis).collect()
     }
 
     /// Puts the numbers of a fold's rows at their places among those of all rows that a fit sees.

@@ -15,6 +15,7 @@ use rayon::prelude::{
 use super::normal_equations::System;
 use super::problem::{Trial, Weighted};
 use super::signals::{Fit, Signals};
+use crate::progress::Cancelled;
 
 /// A model, factorised under a weighting.
 pub(crate) struct Factored<'a> {
@@ -37,8 +38,16 @@ struct Part {
 }
 
 /// The model with these candidates, fitted and cross-validated.
-pub(crate) fn judged(weighted: Weighted<Signals>, active: Vec<usize>, effect: Option<usize>) -> Trial<Signals> {
-    Factored::new(weighted, active).trial(effect)
+///
+/// # Errors
+///
+/// The diagnosis was given up.
+pub(crate) fn judged(
+    weighted: Weighted<Signals>,
+    active: Vec<usize>,
+    effect: Option<usize>,
+) -> Result<Trial<Signals>, Cancelled> {
+    Ok(Factored::new(weighted, active)?.trial(effect))
 }
 
 /// Values beside those of a model in one system.
@@ -82,10 +91,14 @@ impl Part {
 
 impl<'a> Factored<'a> {
     /// The model with these candidates.
-    pub(crate) fn new(weighted: Weighted<'a, Signals>, active: Vec<usize>) -> Self {
+    pub(crate) fn new(weighted: Weighted<'a, Signals>, active: Vec<usize>) -> Result<Self, Cancelled> {
         let indices = weighted.problem.indices(&active);
-        let parts = weighted.weighting.systems.par_iter().map(|system| Part::new(system, &indices)).collect();
-        Self { weighted, active, indices, parts }
+        let part = |system: &System| {
+            weighted.problem.progress.check()?;
+            Ok(Part::new(system, &indices))
+        };
+        let parts = weighted.weighting.systems.par_iter().map(part).collect::<Result<_, Cancelled>>()?;
+        Ok(Self { weighted, active, indices, parts })
     }
 
     /// The model itself.
@@ -94,17 +107,19 @@ impl<'a> Factored<'a> {
     }
 
     /// The model without some of its candidates.
-    pub(crate) fn without(&self, dropped: &[usize]) -> Trial<Signals> {
+    pub(crate) fn without(&self, dropped: &[usize]) -> Result<Trial<Signals>, Cancelled> {
+        self.weighted.problem.progress.check()?;
         let gone = self.weighted.problem.indices(dropped);
         let at: Vec<usize> = (0..self.indices.len()).filter(|&k| gone.contains(&self.indices[k])).collect();
         let mut unit = DMatrix::zeros(self.indices.len(), at.len());
         at.iter().enumerate().for_each(|(column, &row)| unit[(row, column)] = 1.0);
         let active = self.active.iter().copied().filter(|k| !dropped.contains(k)).collect();
-        self.predicted(active, None, self.each(|part| part.without(&at, &unit)))
+        Ok(self.predicted(active, None, self.each(|part| part.without(&at, &unit))))
     }
 
     /// The models with more candidates, each move's beside this one's.
-    pub(crate) fn with(&self, moves: &[(usize, Vec<usize>)]) -> Vec<Trial<Signals>> {
+    pub(crate) fn with(&self, moves: &[(usize, Vec<usize>)]) -> Result<Vec<Trial<Signals>>, Cancelled> {
+        let progress = &self.weighted.problem.progress;
         let added: Vec<Vec<usize>> = moves.iter().map(|(_, added)| self.weighted.problem.indices(added)).collect();
         let mut open = added.concat();
         open.sort_unstable();
@@ -112,15 +127,19 @@ impl<'a> Factored<'a> {
         let place = |value: &usize| open.binary_search(value).expect("open has the values of all moves");
         let places: Vec<Vec<usize>> = added.iter().map(|values| values.iter().map(place).collect()).collect();
         let n_folds = self.weighted.weighting.linearised.columns.n_folds();
-        let folds: Vec<Vec<Vec<f64>>> =
-            (0..n_folds).into_par_iter().map(|fold| self.extension(fold, &open).moved(fold, &places)).collect();
+        let moved = |fold: usize| {
+            progress.check()?;
+            self.extension(fold, &open).moved(fold, &places)
+        };
+        let folds = (0..n_folds).into_par_iter().map(moved).collect::<Result<Vec<Vec<Vec<f64>>>, Cancelled>>()?;
         let extension = self.extension(n_folds, &open);
         let model = |number: usize| {
+            progress.check()?;
             let (effect, added) = &moves[number];
             let moved: Vec<&[f64]> = folds.iter().map(|fold| &fold[number][..]).collect();
             let active = [&self.active[..], added].concat();
             let fit = Fit { active, values: extension.values(&places[number]) };
-            self.weighted.trial(fit, Some(*effect), &moved)
+            Ok(self.weighted.trial(fit, Some(*effect), &moved))
         };
         (0..moves.len()).into_par_iter().map(model).collect()
     }
@@ -177,7 +196,7 @@ impl Extension<'_> {
     }
 
     /// What the model with each move adds in the rows of a fold.
-    fn moved(&self, fold: usize, moves: &[Vec<usize>]) -> Vec<Vec<f64>> {
+    fn moved(&self, fold: usize, moves: &[Vec<usize>]) -> Result<Vec<Vec<f64>>, Cancelled> {
         let columns = &self.base.weighted.weighting.linearised.columns;
         let scale = &self.system.scale;
         let mut sizes = DMatrix::zeros(scale.len(), self.open.len());
@@ -185,7 +204,7 @@ impl Extension<'_> {
             sizes.set_row(value, &(self.answer.row(row) * -scale[value]));
         }
         self.open.iter().enumerate().for_each(|(column, &value)| sizes[(value, column)] = scale[value]);
-        let each = columns.moved_by_each(fold, &sizes);
+        let each = columns.moved_by_each(fold, &sizes, &self.base.weighted.problem.progress)?;
         let alone = columns.moved(fold, &self.system.unscaled(&self.base.indices, &self.part.values));
         let with = |places: &Vec<usize>| {
             let mut moved = alone.clone();
@@ -193,7 +212,7 @@ impl Extension<'_> {
             places.iter().zip(sizes.iter()).for_each(|(&place, size)| add_column(&mut moved, &each, place, *size));
             moved
         };
-        moves.iter().map(with).collect()
+        Ok(moves.iter().map(with).collect())
     }
 }
 

@@ -63,7 +63,7 @@ struct Tried<P: RegressionProblem> {
 ///
 /// # Errors
 ///
-/// What the fits of `problem` fail with: a model that cannot predict its rows.
+/// What the fits of `problem` fail with: a model that cannot predict its rows, or that it was given up.
 pub fn forward_selection<P: RegressionProblem>(
     problem: &P,
     start: Trial<P>,
@@ -73,7 +73,8 @@ pub fn forward_selection<P: RegressionProblem>(
     let mut best = problem.reweight_until_converged(start)?;
     let (mut rivals, mut exchanges) = (Vec::new(), 0);
     for _ in 0..MAX_STEPS {
-        if problem.n_effects(&best.fit) >= policy.max_effects || problem.progress().is_cancelled() {
+        problem.progress().check()?;
+        if problem.n_effects(&best.fit) >= policy.max_effects {
             break;
         }
         let step = problem.n_effects(&best.fit) - n_known;
@@ -108,12 +109,12 @@ pub fn forward_selection<P: RegressionProblem>(
 /// The best candidates beside the effects of `current`, fitted in full, the best first.
 fn try_candidates<P: RegressionProblem>(problem: &P, current: &Trial<P>, step: usize) -> Result<Tried<P>, P::Error> {
     let under = problem.under(current);
-    let screened = under.sorted(problem.neighbours(current).with_one_more()?);
+    let screened = under.sorted(problem.neighbours(current)?.with_one_more()?);
     problem.progress().add_tried(screened.len());
     let n_tried = screened.len() as f64;
     let chance = |trial: &Trial<P>| (under.reduction(current, trial).p * n_tried).min(1.0);
     let promising = screened.iter().filter(|trial| chance(trial) < 1.0);
-    let refitted = under.sorted(refit(problem, promising));
+    let refitted = under.sorted(refit(problem, promising)?);
     let all = refitted.iter().map(|trial| (trial, true)).chain(screened.iter().map(|trial| (trial, false)));
     let mut steps = Vec::new();
     for (trial, refined) in all {
@@ -133,8 +134,26 @@ fn try_candidates<P: RegressionProblem>(problem: &P, current: &Trial<P>, step: u
 }
 
 /// The first of these fitted in full; one that leaves the arm without a pose somewhere is dropped, and the next one is fitted.
-fn refit<'t, P: RegressionProblem + 't>(problem: &P, trials: impl Iterator<Item = &'t Trial<P>>) -> Vec<Trial<P>> {
-    trials.filter_map(|trial| problem.refitted(trial).ok()).take(MAX_REFITTED).collect()
+fn refit<'t, P: RegressionProblem + 't>(
+    problem: &P,
+    trials: impl Iterator<Item = &'t Trial<P>>,
+) -> Result<Vec<Trial<P>>, P::Error> {
+    let mut refitted = Vec::new();
+    for trial in trials {
+        refitted.extend(refitted_where_possible(problem, trial)?);
+        if refitted.len() == MAX_REFITTED {
+            break;
+        }
+    }
+    Ok(refitted)
+}
+
+/// A trial fitted in full; `None` where that leaves the arm without a pose somewhere.
+fn refitted_where_possible<P: RegressionProblem>(problem: &P, trial: &Trial<P>) -> Result<Option<Trial<P>>, P::Error> {
+    let refitted = problem.refitted(trial).ok();
+    // An error may be that the selection was given up, which is no property of the trial.
+    problem.progress().check()?;
+    Ok(refitted)
 }
 
 /// Adds the steps of candidates; one that was judged by its linear fit only is left out where its candidate is there.
@@ -173,12 +192,13 @@ fn is_significant<P: RegressionProblem>(problem: &P, without: &Trial<P>, with: &
 
 /// The best model in which one selected effect is exchanged for another, where that predicts unseen rows better.
 fn exchanged<P: RegressionProblem>(problem: &P, best: &Trial<P>, n_known: usize) -> Result<Option<Trial<P>>, P::Error> {
-    let (neighbours, under) = (problem.neighbours(best), problem.under(best));
+    let (neighbours, under) = (problem.neighbours(best)?, problem.under(best));
     let mut better: Option<Trial<P>> = None;
     for effect in n_known..problem.n_effects(&best.fit) {
         let without = neighbours.with_one_less(effect)?;
-        let tried = under.lowest(problem.neighbours(&without).with_one_more()?.into_iter(), |trial| trial);
-        let Some(tried) = tried.and_then(|trial| problem.refitted(&trial).ok()) else { continue };
+        let all = problem.neighbours(&without)?.with_one_more()?.into_iter().map(Ok::<_, P::Error>);
+        let Some(tried) = under.lowest(all, |trial| trial)? else { continue };
+        let Some(tried) = refitted_where_possible(problem, &tried)? else { continue };
         let gain = under.gain(better.as_ref().unwrap_or(best), &tried);
         if gain > MIN_GAIN && under.reduction(best, &tried).p < RIVAL_LEVEL {
             better = Some(tried);
@@ -199,7 +219,7 @@ fn without_superfluous<P: RegressionProblem>(
     if n < n_known + 2 {
         return Ok(None);
     }
-    let neighbours = problem.neighbours(best);
+    let neighbours = problem.neighbours(best)?;
     for dropped in n_known..n - usize::from(n_added == 1) {
         let without = neighbours.with_one_less(dropped)?;
         let level = if dropped + n_added < n { RIVAL_LEVEL } else { RIVAL_LEVEL / n_added as f64 };
@@ -230,10 +250,10 @@ pub fn rivals<P: RegressionProblem>(
     let rivals = match known.filter(|known| known.len() + 1 >= MAX_REFITTED) {
         Some(rivals) => rivals,
         None => {
-            let without = problem.neighbours(best).with_one_less(effect)?;
+            let without = problem.neighbours(best)?.with_one_less(effect)?;
             let under = problem.under(&without);
-            let screened = under.sorted(problem.neighbours(&without).with_one_more()?);
-            under.sorted(refit(problem, screened.iter()))
+            let screened = under.sorted(problem.neighbours(&without)?.with_one_more()?);
+            under.sorted(refit(problem, screened.iter())?)
         }
     };
     let judged = rivals.into_iter().map(|rival| {

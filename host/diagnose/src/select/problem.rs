@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use super::significance::LossReduction;
 use crate::effect::{Law, Place, as_str};
-use crate::progress::Progress;
+use crate::progress::{Cancelled, Progress};
 
 /// How a selection proceeds.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,8 +63,8 @@ pub trait RegressionProblem: Sized {
     type Neighbours<'a>: Neighbours<Self>
     where
         Self: 'a;
-    /// Why there is no prediction.
-    type Error;
+    /// Why there is no prediction, or that the selection was given up.
+    type Error: From<Cancelled>;
 
     /// How the selection proceeds.
     fn policy(&self) -> Policy;
@@ -89,7 +89,11 @@ pub trait RegressionProblem: Sized {
     fn reweight_until_converged(&self, model: Trial<Self>) -> Result<Trial<Self>, Self::Error>;
 
     /// The model, ready for its neighbours.
-    fn neighbours<'a>(&'a self, model: &'a Trial<Self>) -> Self::Neighbours<'a>;
+    ///
+    /// # Errors
+    ///
+    /// The selection was given up.
+    fn neighbours<'a>(&'a self, model: &'a Trial<Self>) -> Result<Self::Neighbours<'a>, Self::Error>;
 
     /// A trial fitted in full.
     ///
@@ -204,10 +208,25 @@ impl<P: RegressionProblem> Weighted<'_, P> {
         losses.into_iter().map(|(_, trial)| trial).collect()
     }
 
-    /// The element whose model has the lowest loss.
-    pub fn lowest<T>(&self, trials: impl Iterator<Item = T>, trial: impl Fn(&T) -> &Trial<P>) -> Option<T> {
-        let losses = trials.map(|element| (self.loss(trial(&element)), element));
-        losses.min_by(|(a, _), (b, _)| a.total_cmp(b)).map(|(_, element)| element)
+    /// The element whose model has the lowest loss, the first of several.
+    ///
+    /// # Errors
+    ///
+    /// That of the first element that has one.
+    pub fn lowest<T, E>(
+        &self,
+        trials: impl IntoIterator<Item = Result<T, E>>,
+        trial: impl Fn(&T) -> &Trial<P>,
+    ) -> Result<Option<T>, E> {
+        let mut lowest: Option<(f64, T)> = None;
+        for element in trials {
+            let element = element?;
+            let loss = self.loss(trial(&element));
+            if lowest.as_ref().is_none_or(|(lowest, _)| loss.total_cmp(lowest).is_lt()) {
+                lowest = Some((loss, element));
+            }
+        }
+        Ok(lowest.map(|(_, element)| element))
     }
 
     /// By how much one model predicts rows that its fit has not seen better than another does.

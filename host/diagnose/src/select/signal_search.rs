@@ -1,13 +1,12 @@
 //! How the selection searches among models of signals: weights until they converge, neighbours, and how two models compare.
 
-use std::convert::Infallible;
 use std::sync::Arc;
 
-use super::factored::Factored;
+use super::factored::{Factored, judged};
 use super::problem::{CandidateName, Loss, Neighbours, Policy, RegressionProblem, Trial, Weighted};
 use super::signals::{Fit, NEGLIGIBLE_LOSS, Signals, Weighting, in_noise};
 use super::significance::{DISCOVERY_LEVEL, LossReduction, SIGNAL_RIVAL_LEVEL, paired_t_test};
-use crate::progress::Progress;
+use crate::progress::{Cancelled, Progress};
 
 /// The most effects of one model.
 const MAX_EFFECTS: usize = 60;
@@ -27,15 +26,15 @@ pub struct Neighbourhood<'a> {
 }
 
 impl Neighbours<Signals> for Neighbourhood<'_> {
-    fn with_one_more(&self) -> Result<Vec<Trial<Signals>>, Infallible> {
+    fn with_one_more(&self) -> Result<Vec<Trial<Signals>>, Cancelled> {
         let problem = self.factored.weighted.problem;
         let open: Vec<(usize, Vec<usize>)> =
             (0..problem.moves.len()).filter_map(|number| Some((number, added(problem, number, self.fit)?))).collect();
-        Ok(self.factored.with(&open))
+        self.factored.with(&open)
     }
 
-    fn with_one_less(&self, effect: usize) -> Result<Trial<Signals>, Infallible> {
-        let mut without = self.factored.without(&[self.fit.active[effect]]);
+    fn with_one_less(&self, effect: usize) -> Result<Trial<Signals>, Cancelled> {
+        let mut without = self.factored.without(&[self.fit.active[effect]])?;
         without.effect = without.fit.active.last().copied();
         Ok(without)
     }
@@ -57,9 +56,12 @@ impl Signals {
     }
 
     /// The model with these candidates, under the weighting that its residuals give.
-    pub(crate) fn fitted(&self, active: Vec<usize>) -> Trial<Self> {
-        let Ok(fitted) = self.reweight_until_converged(self.start(active));
-        fitted
+    ///
+    /// # Errors
+    ///
+    /// The diagnosis was given up.
+    pub(crate) fn fitted(&self, active: Vec<usize>) -> Result<Trial<Self>, Cancelled> {
+        self.reweight_until_converged(self.start(active))
     }
 }
 
@@ -68,7 +70,7 @@ impl RegressionProblem for Signals {
     type Fit = Fit;
     type Weighting = Weighting;
     type Neighbours<'a> = Neighbourhood<'a>;
-    type Error = Infallible;
+    type Error = Cancelled;
 
     fn policy(&self) -> Policy {
         let exchanges = self.moves.len() * self.groups.n_folds < MAX_TO_EXCHANGE;
@@ -97,10 +99,10 @@ impl RegressionProblem for Signals {
         self.name_of(&self.moves[*effect])
     }
 
-    fn reweight_until_converged(&self, model: Trial<Self>) -> Result<Trial<Self>, Infallible> {
+    fn reweight_until_converged(&self, model: Trial<Self>) -> Result<Trial<Self>, Cancelled> {
         let (mut best, mut before) = (model, Vec::new());
         for round in 0..MAX_ROUNDS {
-            let linearised = self.linearise(&best.fit.values);
+            let linearised = self.linearise(&best.fit.values)?;
             let residuals = linearised.residuals(&best.fit.values);
             let sigma = self.noise(&residuals);
             let residuals = in_noise(residuals, &sigma);
@@ -117,25 +119,25 @@ impl RegressionProblem for Signals {
                 return Ok(best);
             }
             before.clone_from(&sigma);
-            let weighting = Arc::new(self.weigh(&residuals, sigma, linearised));
+            let weighting = Arc::new(self.weigh(&residuals, sigma, linearised)?);
             let under = Weighted { problem: self, weighting: &weighting };
-            best = Factored::new(under, best.fit.active).trial(best.effect);
+            best = judged(under, best.fit.active, best.effect)?;
         }
         Ok(best)
     }
 
-    fn neighbours<'a>(&'a self, model: &'a Trial<Self>) -> Neighbourhood<'a> {
-        Neighbourhood { factored: Factored::new(self.under(model), model.fit.active.clone()), fit: &model.fit }
+    fn neighbours<'a>(&'a self, model: &'a Trial<Self>) -> Result<Neighbourhood<'a>, Cancelled> {
+        Ok(Neighbourhood { factored: Factored::new(self.under(model), model.fit.active.clone())?, fit: &model.fit })
     }
 
     /// Where the residuals are linear, a linear fit is a full one.
-    fn refitted(&self, trial: &Trial<Self>) -> Result<Trial<Self>, Infallible> {
+    fn refitted(&self, trial: &Trial<Self>) -> Result<Trial<Self>, Cancelled> {
         let mut refitted = trial.clone();
         for _ in 0..MAX_REFITS {
-            let Some(linearised) = self.moved_on(&refitted) else { break };
+            let Some(linearised) = self.moved_on(&refitted)? else { break };
             let weighting = Arc::new(trial.weighting.at(linearised));
             let under = Weighted { problem: self, weighting: &weighting };
-            refitted = Factored::new(under, refitted.fit.active).trial(refitted.effect);
+            refitted = judged(under, refitted.fit.active, refitted.effect)?;
         }
         // It is compared under the weighting that the others have.
         Ok(Trial { weighting: Arc::clone(&trial.weighting), ..refitted })

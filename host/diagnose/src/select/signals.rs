@@ -23,7 +23,7 @@ use crate::effect::Law;
 use crate::linearise::experiment::{Candidate, Curvature, Experiment};
 use crate::prepare::groups::Groups;
 use crate::prepare::repeatability::MEDIAN_OF_NORMAL;
-use crate::progress::Progress;
+use crate::progress::{Cancelled, Progress};
 
 /// Residuals that are off by so little, in squares of the noise, decide nothing.
 pub(super) const NEGLIGIBLE_LOSS: f64 = 1e-2;
@@ -187,8 +187,9 @@ impl Signals {
     }
 
     /// Residuals and columns of the training rows at these values, in their units.
-    pub(super) fn linearise(&self, values: &[f64]) -> Arc<Linearised> {
-        match &self.experiment.curvature {
+    pub(super) fn linearise(&self, values: &[f64]) -> Result<Arc<Linearised>, Cancelled> {
+        self.progress.check()?;
+        Ok(match &self.experiment.curvature {
             Curvature::None => Arc::clone(&self.linearised),
             Curvature::Beyond(beyond) => match beyond(values) {
                 None => Arc::clone(&self.linearised),
@@ -202,18 +203,18 @@ impl Signals {
                 let zero = self.training_rows(&residuals).iter().zip(&moved).map(|(own, moved)| own - moved).collect();
                 Arc::new(Linearised { columns: Arc::new(columns), zero })
             }
-        }
+        })
     }
 
     /// Where the residuals of a model are not as linear as its fit took them, what they are near it; `None` where the loss
     /// would hardly change.
-    pub(super) fn moved_on(&self, model: &Trial<Self>) -> Option<Arc<Linearised>> {
-        let Curvature::Beyond(_) = &self.experiment.curvature else { return None };
-        let (linearised, assumed) = (self.linearise(&model.fit.values), &model.weighting.linearised);
+    pub(super) fn moved_on(&self, model: &Trial<Self>) -> Result<Option<Arc<Linearised>>, Cancelled> {
+        let Curvature::Beyond(_) = &self.experiment.curvature else { return Ok(None) };
+        let (linearised, assumed) = (self.linearise(&model.fit.values)?, &model.weighting.linearised);
         // The columns are the same: the residuals differ by as much as they do at zero.
         let differences = linearised.zero.iter().zip(&assumed.zero).map(|(now, assumed)| now - assumed).collect();
         let loss = in_noise(differences, &model.weighting.sigma).iter().map(|off| off * off).sum::<f64>();
-        (loss > NEGLIGIBLE_LOSS).then_some(linearised)
+        Ok((loss > NEGLIGIBLE_LOSS).then_some(linearised))
     }
 
     /// The numbers of the rows that a fit sees, of those of all rows × axes.
@@ -238,19 +239,25 @@ impl Signals {
     }
 
     /// The weighting that residuals, in units of the noise, give.
-    pub(super) fn weigh(&self, residuals: &[f64], sigma: Vec<f64>, linearised: Arc<Linearised>) -> Weighting {
+    pub(super) fn weigh(
+        &self,
+        residuals: &[f64],
+        sigma: Vec<f64>,
+        linearised: Arc<Linearised>,
+    ) -> Result<Weighting, Cancelled> {
         let n_axes = sigma.len();
         let autocorrelation_time = self.groups.autocorrelation_time(residuals, n_axes);
         let of = |(k, weight): (usize, &f64)| weight / (sigma[k % n_axes] * sigma[k % n_axes]);
         let weights = Arc::new(weights(residuals, 1).iter().enumerate().map(of).collect::<Vec<f64>>());
-        let sums = |fold: usize| linearised.columns.sums(fold, &weights, &linearised.zero);
-        let folds: Vec<DMatrix<f64>> = (0..linearised.columns.n_folds()).into_par_iter().map(sums).collect();
+        let sums = |fold: usize| linearised.columns.sums(fold, &weights, &linearised.zero, &self.progress);
+        let folds = (0..linearised.columns.n_folds()).into_par_iter().map(sums);
+        let folds = folds.collect::<Result<Vec<DMatrix<f64>>, Cancelled>>()?;
         let n = self.n_values + 1;
         let all = Arc::new(folds.iter().fold(DMatrix::zeros(n, n), |sum, fold| sum + fold));
         let left_out = folds.into_iter().map(|fold| Some(Arc::new(fold))).chain([None]);
         let system = |left_out| System::new(&all, left_out, autocorrelation_time, &self.priors);
         let systems = left_out.map(system).collect();
-        Weighting {
+        Ok(Weighting {
             sigma,
             autocorrelation_time,
             has_converged: false,
@@ -258,7 +265,7 @@ impl Signals {
             weights,
             systems: Arc::new(systems),
             sums: all,
-        }
+        })
     }
 }
 

@@ -9,6 +9,8 @@
 //! The shape of a law is not exact: friction grows a little less than with the speed, and a second law at the same place
 //! takes what the first leaves. Such an effect, a surrogate, stays in the model and is not named.
 
+use std::ops::Range;
+
 use nalgebra::{Cholesky, DVector, Dyn};
 
 use super::factored::{Factored, judged};
@@ -18,6 +20,7 @@ use super::robust_fit::pseudo_inverse;
 use super::signals::{Fit, Signals};
 use super::significance::RIVAL_LEVEL;
 use crate::effect::Place;
+use crate::progress::Cancelled;
 
 /// Share of its information that an effect keeps beside a model which spans it.
 const SPANNED: f64 = 1e-2;
@@ -41,33 +44,56 @@ pub(super) fn smaller_if_as_good<'t>(
     if is_smaller && is_free(&low.fit) && under.reduction(high, low).p > RIVAL_LEVEL { high } else { low }
 }
 
+/// A model that takes the place of another; `None` where none does.
+type Replacement = Result<Option<Trial<Signals>>, Cancelled>;
+
 /// The model with sets of effects replaced by one that does as well; the first `n_known` stay.
-pub(super) fn simplified(problem: &Signals, mut best: Trial<Signals>, n_known: usize) -> Trial<Signals> {
-    let smaller = |best: &Trial<Signals>| {
-        let spanned = spanned_by_active(problem, best).into_iter();
-        let mut others = spanned.chain(in_place_of_one(problem, best, n_known));
-        others.find_map(|other| replaced(problem, best, n_known, other)).or_else(|| uncoupled(problem, best, n_known))
-    };
-    while let Some(next) = smaller(&best) {
+pub(super) fn simplified(
+    problem: &Signals,
+    mut best: Trial<Signals>,
+    n_known: usize,
+) -> Result<Trial<Signals>, Cancelled> {
+    while let Some(next) = smaller(problem, &best, n_known)? {
         best = next;
     }
-    best
+    Ok(best)
+}
+
+/// A smaller model that does as well.
+fn smaller(problem: &Signals, best: &Trial<Signals>, n_known: usize) -> Replacement {
+    for other in spanned_by_active(problem, best)? {
+        if let Some(smaller) = replaced(problem, best, n_known, other)? {
+            return Ok(Some(smaller));
+        }
+    }
+    for order in few_effects(best, n_known) {
+        for (other, ..) in single_rivals(problem, best, order)? {
+            if !best.fit.active.contains(&other)
+                && let Some(smaller) = replaced(problem, best, n_known, other)?
+            {
+                return Ok(Some(smaller));
+            }
+        }
+    }
+    uncoupled(problem, best, n_known)
 }
 
 /// The model with a law at two joints in the place of the same at their sum and at their difference, where it does as well.
-fn uncoupled(problem: &Signals, best: &Trial<Signals>, n_known: usize) -> Option<Trial<Signals>> {
-    (n_known..best.fit.active.len()).find_map(|sum| uncoupled_at(problem, best, n_known, sum))
+fn uncoupled(problem: &Signals, best: &Trial<Signals>, n_known: usize) -> Replacement {
+    let mut sums = n_known..best.fit.active.len();
+    sums.find_map(|sum| uncoupled_at(problem, best, n_known, sum).transpose()).transpose()
 }
 
 /// The same where `sum` is the number of the effect at the sum.
-fn uncoupled_at(problem: &Signals, best: &Trial<Signals>, n_known: usize, sum: usize) -> Option<Trial<Signals>> {
+fn uncoupled_at(problem: &Signals, best: &Trial<Signals>, n_known: usize, sum: usize) -> Replacement {
     let (candidates, active, under) = (&problem.experiment.candidates, &best.fit.active, problem.under(best));
     let own = &candidates[active[sum]];
-    let Place::JointWithLast(joint) = own.site.place else { return None };
+    let Place::JointWithLast(joint) = own.site.place else { return Ok(None) };
     let at = |place: Place| {
         (0..candidates.len()).filter(move |&k| candidates[k].law == own.law && candidates[k].site.place == place)
     };
-    let difference = at(Place::JointAgainstLast(joint)).find_map(|k| active.iter().position(|&own| own == k))?;
+    let difference = at(Place::JointAgainstLast(joint)).find_map(|k| active.iter().position(|&own| own == k));
+    let Some(difference) = difference else { return Ok(None) };
     let pairs = at(Place::Joint(joint - 1)).flat_map(|a| at(Place::Joint(joint)).map(move |b| [a, b]));
     let open = pairs.filter(|pair| pair.iter().all(|own| !active.contains(own)));
     let trials = open.map(|[a, b]| {
@@ -76,41 +102,50 @@ fn uncoupled_at(problem: &Signals, best: &Trial<Signals>, n_known: usize, sum: u
         judged(under, active, None)
     });
     let lowest = under.lowest(trials, |trial| trial)?;
-    (difference >= n_known && under.reduction(&lowest, best).p > RIVAL_LEVEL).then_some(lowest)
+    Ok(lowest.filter(|lowest| difference >= n_known && under.reduction(lowest, best).p > RIVAL_LEVEL))
 }
 
 /// The candidates that a model spans already with several of its effects together, with another law or elsewhere.
-fn spanned_by_active(problem: &Signals, best: &Trial<Signals>) -> Vec<usize> {
+fn spanned_by_active(problem: &Signals, best: &Trial<Signals>) -> Result<Vec<usize>, Cancelled> {
     let (weighted, active) = (problem.under(best), &best.fit.active);
     let inside = problem.indices(active);
     let root = weighted.information(&inside).cholesky();
     let candidates = &problem.experiment.candidates;
-    let is_spanned = |&candidate: &usize| root.as_ref().is_some_and(|root| spans(&weighted, &inside, root, candidate));
+    let Some(root) = root else { return Ok(Vec::new()) };
     let is_open = |&k: &usize| {
         !candidates[k].has_prior() && !active.iter().any(|&other| candidates[other].is_same(&candidates[k]))
     };
-    (0..candidates.len()).filter(is_open).filter(is_spanned).collect()
+    let mut spanned = Vec::new();
+    for candidate in (0..candidates.len()).filter(is_open) {
+        problem.progress.check()?;
+        if spans(&weighted, &inside, &root, candidate) {
+            spanned.push(candidate);
+        }
+    }
+    Ok(spanned)
 }
 
-/// The candidates that would do as well in the place of one effect, where a model has several, but few.
-fn in_place_of_one(problem: &Signals, best: &Trial<Signals>, n_known: usize) -> impl Iterator<Item = usize> {
+/// The effects that are compared with what would do as well in their place: all, where a model has several, but few.
+fn few_effects(best: &Trial<Signals>, n_known: usize) -> Range<usize> {
     let n = best.fit.active.len();
-    let orders = if (2..=MAX_COMPARED).contains(&(n - n_known)) { n_known..n } else { n..n };
-    let others = orders.flat_map(|order| single_rivals(problem, best, order)).map(|(other, ..)| other);
-    others.filter(|other| !best.fit.active.contains(other))
+    if (2..=MAX_COMPARED).contains(&(n - n_known)) { n_known..n } else { n..n }
 }
 
 /// Single candidates that do as well in the place of an effect, each with its model and the confidence that it is worse.
+///
+/// # Errors
+///
+/// The diagnosis was given up.
 pub(crate) fn single_rivals(
     problem: &Signals,
     best: &Trial<Signals>,
     order: usize,
-) -> impl Iterator<Item = (usize, Trial<Signals>, f64)> {
-    let Ok(rivals) = rivals(problem, best, order, None);
-    rivals.into_iter().filter_map(|(rival, worse_with)| match problem.moves[rival.effect?][..] {
+) -> Result<impl Iterator<Item = (usize, Trial<Signals>, f64)>, Cancelled> {
+    let rivals = rivals(problem, best, order, None)?;
+    Ok(rivals.into_iter().filter_map(|(rival, worse_with)| match problem.moves[rival.effect?][..] {
         [one] => Some((one, rival, worse_with)),
         _ => None,
-    })
+    }))
 }
 
 /// Whether the values `inside`, with the root of their information, explain those of a candidate.
@@ -124,24 +159,24 @@ fn spans(weighted: &Weighted<Signals>, inside: &[usize], root: &Cholesky<f64, Dy
 }
 
 /// The model with one more effect, and without those that are not missed then; `None` where it is not smaller or worse.
-fn replaced(problem: &Signals, best: &Trial<Signals>, n_known: usize, other: usize) -> Option<Trial<Signals>> {
+fn replaced(problem: &Signals, best: &Trial<Signals>, n_known: usize, other: usize) -> Replacement {
     let (weighted, mut active) = (problem.under(best), best.fit.active.clone());
     active.push(other);
-    let mut model = Factored::new(weighted, active);
+    let mut model = Factored::new(weighted, active)?;
     let mut now = model.trial(best.effect);
     loop {
         let own = &now.fit.active;
         let open = own[n_known..].iter().filter(|&&k| k != other);
-        let tried = weighted.lowest(open.map(|&k| model.without(&[k])), |trial| trial);
+        let tried = weighted.lowest(open.map(|&k| model.without(&[k])), |trial| trial)?;
         let Some(without) = tried.filter(|without| weighted.reduction(without, &now).p > RIVAL_LEVEL) else {
             break;
         };
-        model = Factored::new(weighted, without.fit.active);
+        model = Factored::new(weighted, without.fit.active)?;
         now = model.trial(best.effect);
     }
-    let Ok(now) = problem.refitted(&now);
+    let now = problem.refitted(&now)?;
     let is_smaller = problem.n_values(&now.fit) < problem.n_values(&best.fit);
-    (is_smaller && weighted.reduction(&now, best).p > RIVAL_LEVEL).then_some(now)
+    Ok((is_smaller && weighted.reduction(&now, best).p > RIVAL_LEVEL).then_some(now))
 }
 
 /// Of all effects of a model whether each is only a surrogate of others at its place; the first `n_known` are named anyway.
@@ -236,10 +271,10 @@ mod tests {
             ],
             |[v, _]| [0.8 * v, 0.0],
         );
-        let model = problem.fitted(vec![1, 2, 3]);
-        assert_eq!(simplified(&problem, model.clone(), 0).fit.active, [0]);
+        let model = problem.fitted(vec![1, 2, 3]).unwrap();
+        assert_eq!(simplified(&problem, model.clone(), 0).unwrap().fit.active, [0]);
         // What is known stays, and with it nothing smaller is left.
-        assert_eq!(simplified(&problem, model, 3).fit.active, [1, 2, 3]);
+        assert_eq!(simplified(&problem, model, 3).unwrap().fit.active, [1, 2, 3]);
     }
 
     #[test]
@@ -253,7 +288,7 @@ mod tests {
             ],
             |[v, w]| [0.8 * v, 0.8 * w],
         );
-        let mut active = simplified(&problem, problem.fitted(vec![2, 3]), 0).fit.active;
+        let mut active = simplified(&problem, problem.fitted(vec![2, 3]).unwrap(), 0).unwrap().fit.active;
         active.sort_unstable();
         assert_eq!(active, [0, 1]);
     }
@@ -267,7 +302,7 @@ mod tests {
         ];
         let are_surrogates = |residual: &dyn Fn([f64; 2]) -> [f64; 2]| {
             let problem = signals(&laws, residual);
-            let model = problem.fitted(vec![0, 1, 2]);
+            let model = problem.fitted(vec![0, 1, 2]).unwrap();
             surrogates(&problem, &model, 0)
         };
         assert_eq!(
@@ -284,7 +319,7 @@ mod tests {
             (Law::CoulombFriction, Place::Joint(0), &|[v, _]| [v / (1.0 + 0.05 * v.abs()), 0.0]),
         ];
         let problem = signals(&laws, |[v, _]| [v + 0.5 * v / (1.0 + 0.05 * v.abs()), 0.0]);
-        let model = problem.fitted(vec![0, 1]);
+        let model = problem.fitted(vec![0, 1]).unwrap();
         assert_eq!(surrogates(&problem, &model, 0).iter().filter(|is_surrogate| **is_surrogate).count(), 1);
     }
 }

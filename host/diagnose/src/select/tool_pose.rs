@@ -14,12 +14,33 @@ use crate::effect::Place;
 use crate::linearise::arm_candidates::{self, beginning};
 use crate::linearise::sensitivity::Sensitivity;
 use crate::prepare::observations::{NoPose, Observations, Value};
-use crate::progress::Progress;
+use crate::progress::{Cancelled, Progress};
 use darm_arm::arm::{ArmModel, ArmScratch};
 use darm_measure::root_mean_square;
 
 /// A fall expected to be less than this many standard errors may not be seen on the rows held out.
 const ERRORS_TO_SHOW: f64 = 4.0;
+
+/// Why there is no model of tool poses.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum NoTrial {
+    /// It has no pose for a row.
+    NoPose(NoPose),
+    /// The diagnosis was given up.
+    Cancelled,
+}
+
+impl From<NoPose> for NoTrial {
+    fn from(none: NoPose) -> Self {
+        Self::NoPose(none)
+    }
+}
+
+impl From<Cancelled> for NoTrial {
+    fn from(Cancelled: Cancelled) -> Self {
+        Self::Cancelled
+    }
+}
 
 /// Standard deviation of each component of a twist, rad and m.
 pub type Noise = [f64; 6];
@@ -78,8 +99,9 @@ impl ToolPoses {
     ///
     /// # Errors
     ///
-    /// The model has no pose for a training row.
-    pub fn fitted(&self, model: &ArmModel) -> Result<Trial<Self>, NoPose> {
+    /// The model has no pose for a training row, or the diagnosis was given up.
+    pub fn fitted(&self, model: &ArmModel) -> Result<Trial<Self>, NoTrial> {
+        self.progress.check()?;
         let fit = fit(model, &self.training, &values(model), &mut ArmScratch::default())?;
         let last = fit.model.effects.last().copied();
         let steps = self.steps(&fit)?;
@@ -223,7 +245,7 @@ pub struct Neighbourhood<'a> {
 }
 
 impl Neighbours<ToolPoses> for Neighbourhood<'_> {
-    fn with_one_more(&self) -> Result<Vec<Trial<ToolPoses>>, NoPose> {
+    fn with_one_more(&self) -> Result<Vec<Trial<ToolPoses>>, NoTrial> {
         let Self { problem, model } = self;
         let candidates: Vec<Effect<f64>> = arm_candidates::all(&model.fit.model)
             .into_iter()
@@ -234,11 +256,16 @@ impl Neighbours<ToolPoses> for Neighbourhood<'_> {
             .collect();
         let sensitivity = Sensitivity::new(&model.fit.model, &problem.training, &mut ArmScratch::default())?;
         let steps = steps(&model.fit, &sensitivity);
-        let timed = candidates.iter().filter_map(|effect| problem.timed(effect, &model.fit.residuals, &sensitivity));
-        Ok(timed.filter_map(|effect| problem.candidate(model, &effect, &sensitivity, &steps)).collect())
+        let mut all = Vec::new();
+        for effect in &candidates {
+            problem.progress.check()?;
+            let timed = problem.timed(effect, &model.fit.residuals, &sensitivity);
+            all.extend(timed.and_then(|effect| problem.candidate(model, &effect, &sensitivity, &steps)));
+        }
+        Ok(all)
     }
 
-    fn with_one_less(&self, effect: usize) -> Result<Trial<ToolPoses>, NoPose> {
+    fn with_one_less(&self, effect: usize) -> Result<Trial<ToolPoses>, NoTrial> {
         let mut model = self.model.fit.model.clone();
         model.effects.remove(effect);
         self.problem.fitted(&model)
@@ -250,7 +277,7 @@ impl RegressionProblem for ToolPoses {
     type Fit = Fit;
     type Weighting = ();
     type Neighbours<'a> = Neighbourhood<'a>;
-    type Error = NoPose;
+    type Error = NoTrial;
 
     fn policy(&self) -> Policy {
         let discovery_level = self.levels.discovery;
@@ -285,16 +312,16 @@ impl RegressionProblem for ToolPoses {
     }
 
     /// The noise of repeats does not depend on the model.
-    fn reweight_until_converged(&self, model: Trial<Self>) -> Result<Trial<Self>, NoPose> {
+    fn reweight_until_converged(&self, model: Trial<Self>) -> Result<Trial<Self>, NoTrial> {
         Ok(model)
     }
 
-    fn neighbours<'a>(&'a self, model: &'a Trial<Self>) -> Neighbourhood<'a> {
-        Neighbourhood { problem: self, model }
+    fn neighbours<'a>(&'a self, model: &'a Trial<Self>) -> Result<Neighbourhood<'a>, NoTrial> {
+        Ok(Neighbourhood { problem: self, model })
     }
 
     /// A trial fitted in full; a step gets the best change point beside the other effects.
-    fn refitted(&self, trial: &Trial<Self>) -> Result<Trial<Self>, NoPose> {
+    fn refitted(&self, trial: &Trial<Self>) -> Result<Trial<Self>, NoTrial> {
         let refitted = self.fitted(&trial.fit.model)?;
         let Some(model) = self.timed_again(&refitted.fit)? else {
             return Ok(Trial { effect: trial.effect, ..refitted });

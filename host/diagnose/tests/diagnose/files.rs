@@ -1,7 +1,7 @@
 //! Files in, diagnosis and corrected model out; how far it is, and giving it up.
 
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use darm_diagnose::correction::Keep;
 use darm_diagnose::diagnosis::SignalOptions;
@@ -38,7 +38,7 @@ fn the_corrected_model_of_files_explains_the_same_measurements() {
 }
 
 #[test]
-fn a_diagnosis_that_is_given_up_ends_soon() {
+fn a_diagnosis_that_is_given_up_has_no_result() {
     let (model, data) = (example("tx40.toml"), example("tx40-motion.csv.gz"));
     let progress = Progress::default();
     let ended = std::thread::scope(|scope| {
@@ -46,14 +46,12 @@ fn a_diagnosis_that_is_given_up_ends_soon() {
         while progress.stage() != Stage::Select && !running.is_finished() {
             std::thread::sleep(Duration::from_millis(1));
         }
-        let since = Instant::now();
         progress.cancel();
-        let ended = running.join().unwrap();
-        // The search alone takes minutes; a loaded machine took 24 s to the next look at the cancellation.
-        assert!(since.elapsed() < Duration::from_secs(60), "{:?}", since.elapsed());
-        ended
+        running.join().unwrap()
     });
-    assert!(matches!(ended, Err(FilesError::Diagnose { source: DiagnoseError::Cancelled, .. })), "{ended:?}");
+    assert!(matches!(ended, Err(FilesError::Diagnose { source: DiagnoseError::Cancelled(_), .. })), "{ended:?}");
+    // How soon is tested in checks, not in seconds: `host/diagnose/src/diagnosis/given_up.rs`.
+    assert!(progress.n_tried() < 2000, "the search went on: {} models", progress.n_tried());
 }
 
 #[test]

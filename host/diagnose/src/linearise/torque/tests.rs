@@ -18,6 +18,7 @@ use crate::linearise::model_effects::ModelEffect;
 use crate::linearise::serial_chain::site_of_joint;
 use crate::outcome::{Diagnosis, Verdict};
 use crate::prepare::signals::{Preparation, Prepared};
+use crate::progress::Progress;
 use darm_measure::table::{Names, Table};
 
 const JOINTS: usize = 4;
@@ -318,7 +319,7 @@ fn joints_that_only_the_log_has_are_reported() {
     let findings = |robot: &Robot| {
         let table = Table::read_text(Path::new("a.csv"), text.as_bytes(), &Names::new()).unwrap().0;
         let data = Prepared::new(table, &Preparation::default(), None).unwrap();
-        experiment(&data, robot, None, &[], None).unwrap().findings
+        experiment(&data, robot, None, (&[], None), &Progress::default()).unwrap().findings
     };
     assert!(findings(&tx40())[0].text.starts_with("the log has joints 5 to 6, the model has 4 joints"));
     assert_eq!(findings(&locked(&[])), []);
