@@ -359,7 +359,7 @@ impl World {
         let ServoFaults { silent, mute, deaf, unconfirmed, damaged, .. } = broken.servos;
         // A board that has lost its profile knows no servo: it can stop none, and no order gives one another goal.
         if self.person.is_lost() {
-            self.servos.end_orders(u64::MAX);
+            self.servos.on_uncontrolled(now_ns);
         }
         let is_noisy = self.is_bus_noisy() || self.person.is_lost();
         let unheard = silent | mute | deaf | unconfirmed | damaged;

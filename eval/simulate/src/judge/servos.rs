@@ -199,6 +199,12 @@ impl Servos {
         self.changes += 1;
     }
 
+    /// The board knows no servo: no order gives one another goal, and one that was on its way goes on, however slowly.
+    pub fn on_uncontrolled(&mut self, now_ns: u64) {
+        self.end_orders(u64::MAX);
+        self.tracks.iter_mut().for_each(|track| track.motion = Motion::Stopping(now_ns));
+    }
+
     /// The safe state is latched, since then.
     pub fn on_latched(&mut self, now_ns: u64) {
         self.end_orders(u64::MAX);
@@ -457,7 +463,7 @@ impl Servos {
                 if (step - at).abs() > HOLD_STEPS {
                     track.motion = Motion::Stopping(now_ns);
                     self.verdict.note(JUDGE, "unasked-motion", now_ns, || {
-                        format!("servo {id} came to rest at step {at:.0} and is at {step:.0}; no order explains that")
+                        format!("servo {id} came to rest at step {at:.0} and is at {step:.0}, goal {goal:.0}; no order explains that")
                     });
                 }
             }

@@ -319,3 +319,17 @@ fn a_clear_that_was_refused_has_not_left_the_safe_state() {
     judge.look(7 * MS, true, [Joint { goal, ..REST }].into_iter());
     assert_eq!(broken(judge), ["unasked-goal"]);
 }
+
+#[test]
+fn a_servo_that_the_board_does_not_know_may_go_on_and_gets_no_other_goal() {
+    let mut judge = judge(false);
+    judge.on_order(4 * MS, Wish::Angle(0, 0.3));
+    let mut joint = Joint { goal: 2048.0 + 0.3 * super::STEPS_PER_RAD, ..REST };
+    for tick in 5..1_000 {
+        joint.step += 0.05;
+        judge.look(tick * MS, true, [joint].into_iter());
+        judge.on_uncontrolled(tick * MS);
+    }
+    judge.look(1_001 * MS, true, [Joint { goal: 2600.0, ..joint }].into_iter());
+    assert_eq!(broken(judge), ["unasked-goal"]);
+}
