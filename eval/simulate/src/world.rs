@@ -242,8 +242,13 @@ impl World {
         self.end_acts(now_ns);
     }
 
-    /// True if nothing has disturbed the board since then.
+    /// True if nothing has disturbed the board since then. A servo that hears nothing, or whose answers nobody hears, cannot be
+    /// stopped by either host, whichever has broken it.
     pub fn is_undisturbed_since(&self, since_ns: u64) -> bool {
+        let ServoFaults { silent, mute, deaf, .. } = self.act_faults;
+        if silent | mute | deaf != 0 {
+            return false;
+        }
         let armed = |active: &Active| matches!(active.act, WorldAct::FlashCut(..)) && active.end_ns == u64::MAX;
         self.active.iter().all(armed) && self.disturbed_ns < since_ns
     }

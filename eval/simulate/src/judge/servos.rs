@@ -511,9 +511,10 @@ impl Servos {
             if now_ns <= limit_ns {
                 continue;
             }
-            if track.moved_ns.is_some_and(|moved_ns| moved_ns > limit_ns) {
+            if let Some(moved_ns) = track.moved_ns.filter(|moved_ns| *moved_ns > limit_ns) {
                 self.verdict.note(JUDGE, "fault-motion", now_ns, || {
-                    format!("servo {id} turned more than {HOLD_MS} ms after a fault that the board reports")
+                    let (fault_ms, moved_ms) = (fault_ns / MS, moved_ns / MS);
+                    format!("servo {id} turned at {moved_ms} ms, {HOLD_MS} ms after a fault at {fault_ms} ms and what excuses it")
                 });
             }
             let is_released = self.ceiling(id).is_some_and(|servo| servo.is_released);

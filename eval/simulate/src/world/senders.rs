@@ -109,7 +109,8 @@ impl World {
     pub fn send_commands_of_before(&mut self, opened: Opened, seed: u64) {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let Sent { bytes, what } = hostile::commands_of_before(&mut rng, opened.link, opened.challenge, &self.arm);
-        self.say("world", || what);
+        let (at_ms, challenge) = (opened.at_ns / 1_000_000, opened.challenge);
+        self.say("world", || format!("{what}, opened at {at_ms} ms with challenge {challenge:x}"));
         self.arrive(Party::Hostile, &bytes);
         self.bench.send(&bytes);
         let now_ns = self.now_ns();
@@ -126,7 +127,9 @@ impl World {
 
     /// A connection that a stop or a start has ended: any of the run, half of them one of the last.
     pub fn ended_link(&self, seed: u64) -> Option<Opened> {
-        let ended = || self.links.iter().filter(|opened| opened.at_ns < self.ended_ns);
+        // A host may have opened a connection of the same number again, after a reset for example.
+        let is_open = |link: u32| self.links.iter().any(|opened| opened.link == link && opened.at_ns >= self.ended_ns);
+        let ended = || self.links.iter().filter(|opened| opened.at_ns < self.ended_ns && !is_open(opened.link));
         let (count, back) = (ended().count(), (seed >> 1) as usize);
         let back = if seed & 1 == 0 { back % 6 } else { back };
         ended().rev().nth(back % count.max(1)).copied()
