@@ -346,8 +346,9 @@ impl Servos {
             // Where it comes to rest afterwards is where it rests.
             track.motion = Motion::Stopping(now_ns);
         }
-        // One that rests may bend a little, as when what had blocked it goes away.
-        if turned.abs() > REST_STEPS && !matches!(track.motion, Motion::Resting(_)) {
+        // One that rests, or is at its goal, may bend a little, as when what had blocked it goes away.
+        let is_away = (joint.goal - joint.step).abs() > HOLD_STEPS;
+        if turned.abs() > REST_STEPS && is_away && !matches!(track.motion, Motion::Resting(_)) {
             track.moved_ns = Some(now_ns);
         }
         if is_powered {
