@@ -51,6 +51,8 @@ const REWRITE_VISITS: u8 = 50;
 const MAX_READS: u8 = 6;
 /// Votes that make a place the one where a servo is. The place of the visit before has one less.
 const ENOUGH_VOTES: u8 = 3;
+/// A place that is older says nothing of where a servo is: it is read each [`CYCLE`], or after the one before it was silent.
+const MAX_AGE: Micros = Micros::from_millis(35);
 /// A hold that starts again keeps its goal where the load has bent the servo by less than this, steps: 1.4°. A new goal each
 /// time would creep.
 const BENT_STEPS: u16 = 16;
@@ -319,8 +321,10 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
 
     /// Reads where a servo is, by a vote. A read that the servo can have come to from the place so far counts for that place,
     /// another one against it, and a place without votes gives way to what is read. `before`, where it was seen last, begins with
-    /// all votes but one: damaged answers that agree with each other have to outvote it, and what is new to it too.
+    /// all votes but one: damaged answers that agree with each other have to outvote it, and what is new to it too. An old place has
+    /// none: while the flash let nothing run the servo may have gone anywhere, and a damaged answer would be as possible as a right one.
     async fn agree(&mut self, limit: &ServoWiring, before: Option<Place>) -> Result<Sample, BusError> {
+        let before = before.filter(|place| place.age(self.clock.now()) <= MAX_AGE);
         let (mut place, mut votes) = (before, before.map_or(0, |_| ENOUGH_VOTES.saturating_sub(1)));
         for _ in 0..MAX_READS {
             // An answer may wait to be read while the flash lets nothing run: it is as old as its request.

@@ -67,6 +67,11 @@ impl Place {
         self.distance(later) <= NOISE_STEPS + (limit_steps_s(limit) + own) * self.elapsed_s(later)
     }
 
+    /// The time since it was read.
+    pub(super) fn age(&self, now: Micros) -> Micros {
+        Micros((now.0 as u32).wrapping_sub(self.asked_us).into())
+    }
+
     /// Steps from here to there.
     pub(super) fn distance(&self, later: &Sample) -> f32 {
         f32::from(self.steps.abs_diff(later.place.steps))

@@ -420,3 +420,33 @@ fn a_hold_without_strength_is_written_again() {
     let torque = u16::from_le_bytes([fake.registers.borrow()[48], fake.registers.borrow()[49]]);
     assert_ne!(torque, 0);
 }
+
+/// While the flash is written nothing runs, and the servo could have gone to where two equally damaged answers show it.
+#[test]
+fn damaged_answers_after_a_pause_send_a_held_servo_nowhere() {
+    let (fake, shared, clock) = (under_way(2002), Shared::new(), HandClock::default());
+    let mut bus = Bus::new(&fake, &fake, &clock);
+    let visits = async {
+        shared.set_joints([doing(ServoAction::Hold), None, None, None]);
+        for _ in 0..3 {
+            bus.visit_all(&shared).await;
+        }
+        clock.0.set(clock.0.get() + 200_000);
+        let mut n_damaged = 0;
+        let spoil = move |request: &Packet, bytes: &mut Vec<u8>| {
+            if request.code == 2 && request.parameters()[0] == PRESENT && n_damaged < 2 {
+                n_damaged += 1;
+                // Bit 6 of the position's low byte is lost, that of the load's low byte gained.
+                bytes[5] ^= 0x40;
+                bytes[9] ^= 0x40;
+            }
+        };
+        *fake.spoil.borrow_mut() = Some(Box::new(spoil));
+        shared.stop();
+        for _ in 0..3 {
+            bus.visit_all(&shared).await;
+        }
+    };
+    run(visits, || clock.0.set(clock.0.get() + 100));
+    assert!(fake.goals.borrow().iter().all(|(goal, _)| *goal == 2002), "{:?}", fake.goals.borrow());
+}
