@@ -11,7 +11,7 @@
 //! A new law is a row of the table [`Law`], its equation in [`Law::basis`], and its name in [`LawName`].
 //!
 //! Symbols: x, v, a position (m or rad), velocity and acceleration of the coordinate; t time since the measurement began, s; L
-//! what the coordinate bears, in a unit of its own; Δϑ temperature less that of reference, K.
+//! what the coordinate bears, in the caller's unit; Δϑ temperature less that of reference, K.
 //!
 //! # Example
 //!
@@ -210,7 +210,7 @@ laws! {
     /// where it moves neither with time nor with temperature.
     Offset: "offset" / [];
     /// A force that grows with position, as that of a hose, a cable or a return spring: f = k·x. Valid within its linear range;
-    /// one that is slack elsewhere than at zero has an offset beside it. Hooke's law.
+    /// one that is slack elsewhere than at zero has an offset next to it. Hooke's law.
     Spring: "stiffness" / [Length];
     /// Something that grows evenly with time: f = r·t. Valid over one measurement; it does not say what drifts.
     OffsetDrift: "rate" / [Time];

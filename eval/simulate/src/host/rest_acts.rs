@@ -34,7 +34,7 @@ const TABLE_STARTS: u32 = 4;
 const TABLES: u16 = 75;
 const OFFSET_STARTS: u32 = 12;
 const OFFSETS: u16 = 8;
-/// So many writes in a row that the board refuses are enough.
+/// This number of writes in a row that the board refuses is enough.
 const MAX_REFUSALS: u32 = 2;
 /// A write begins within this time, ms, and has ended when nothing changes for that.
 const WRITE_MS: u64 = 80;

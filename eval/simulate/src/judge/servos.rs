@@ -39,7 +39,7 @@ const WRITE_ANYWAY_MS: u64 = 250;
 /// A servo that turns and reports an overload rests within this time, ms: a visit, a tick and the order to hold.
 const OVERLOAD_MS: u64 = 150;
 /// What a damaged request has put into a servo is read back and written again within this time, in board time: the next visit begins 10 ms
-/// after the last one, and each servo takes up to 6 ms of it. The limits of the servo do not hold so long: nobody knows.
+/// after the last one, and each servo takes up to 6 ms of it. The limits of the servo do not hold for this time: it is unknown to the board.
 const REREAD_MS: u64 = 25;
 /// Steps of one radian.
 const STEPS_PER_RAD: f32 = 4096.0 / std::f32::consts::TAU;
@@ -226,7 +226,7 @@ impl Servos {
         self.latched_ns
     }
 
-    /// Somebody asked for the safe state to be left, and was refused: it is what it was before, and commands since then are none.
+    /// Somebody requested to leave the safe state, and was refused: it is what it was before, and commands since then are none.
     pub fn on_clear_refused(&mut self, before_ns: Option<u64>) {
         if before_ns.is_some() {
             self.end_orders(u64::MAX);

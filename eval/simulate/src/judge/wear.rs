@@ -5,7 +5,7 @@ use super::Verdict;
 
 const JUDGE: &str = "pins";
 const S: u64 = 1_000_000_000;
-/// So many tables at once, and one more in each of these times: docs/safety.md, "What wears". Each erases a page of a slot once.
+/// This number of tables at once, and one more in each of these times: docs/safety.md, "What wears". Each erases a page of a slot once.
 const TABLES: u64 = 200;
 const TABLE_S: u64 = 60;
 /// The same of zero offsets, and the bytes of their records: two of the offsets and two of the newest versions.

@@ -12,18 +12,18 @@ const TRIED: usize = 25;
 /// Gives a diagnosis up at many of its checks. It ends with the error, and begins no other piece of work than those that run
 /// beside each other.
 #[track_caller]
-fn ends_at_its_checks(least: usize, diagnose: impl Fn(&Progress) -> Result<(), DiagnoseError>) {
+fn ends_at_its_checks(min_checks: usize, diagnose: impl Fn(&Progress) -> Result<(), DiagnoseError>) {
     let complete = Progress::default();
     diagnose(&complete).unwrap();
     let all = complete.n_checks();
-    assert!(all >= least, "{all} checks in all of its work");
-    let beside = 8 * rayon::current_num_threads();
+    assert!(all >= min_checks, "{all} checks in all of its work");
+    let at_once = 8 * rayon::current_num_threads();
     for n in (1..=all).step_by((all / TRIED).max(1)) {
         let progress = Progress::until_check(n);
         let ended = diagnose(&progress);
         assert!(matches!(ended, Err(DiagnoseError::Cancelled(_))), "check {n} of {all}: {ended:?}");
         let more = progress.n_checks() - n;
-        assert!(more <= beside, "{more} checks after that with number {n} of {all}");
+        assert!(more <= at_once, "{more} checks after that with number {n} of {all}");
     }
 }
 

@@ -14,11 +14,13 @@ use rayon::prelude::{IntoParallelRefIterator as _, ParallelIterator as _};
 use super::factored::{Factored, judged};
 use super::forward::SelectionStep;
 use super::problem::{RegressionProblem as _, Trial};
-use super::search::Selected;
 use super::signals::Signals;
 use super::significance::DISCOVERY_LEVEL;
 use crate::effect::Law;
 use crate::progress::Cancelled;
+
+/// A model that was selected, and what was tried.
+pub(super) type Selected = Result<(Trial<Signals>, Vec<SelectionStep>), Cancelled>;
 
 /// Share of the effects named that may be false.
 pub(crate) const FALSE_SHARE: f64 = 0.05;

@@ -1,16 +1,12 @@
 //! The selection for signals: forward, backward and simplification, in the order that the kind of priors asks for.
 
-use super::backward::{all_laws, backward_elimination, without_unmissed};
+use super::backward::{Selected, all_laws, backward_elimination, without_unmissed};
 use super::factored::judged;
-use super::forward::{SelectionStep, forward_selection};
+use super::forward::forward_selection;
 use super::problem::{RegressionProblem as _, Trial};
 use super::signals::Signals;
 use super::significance::RIVAL_LEVEL;
 use super::simplify::{simplified, smaller_if_as_good};
-use crate::progress::Cancelled;
-
-/// A model that was selected, and what was tried.
-pub(super) type Selected = Result<(Trial<Signals>, Vec<SelectionStep>), Cancelled>;
 
 /// The same where another search near this one selected `before`: the better one of the model that is selected here and of what
 /// is left of that one.
@@ -78,7 +74,7 @@ mod tests {
     use crate::linearise::experiment::{Axis, Candidate, Curvature, Experiment};
     use crate::measured::Measured;
     use crate::prepare::groups::{Groups, Row};
-    use crate::progress::Progress;
+    use crate::progress::{Cancelled, Progress};
 
     const ROWS: usize = 600;
 
