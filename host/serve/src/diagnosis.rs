@@ -142,8 +142,9 @@ async fn run(State(diagnoses): Shared, body: UploadBody) -> Result<Json<ResultVi
         place.name(sources.to_string());
         place.diagnose(&sources, &progress)
     };
-    let result = tokio::task::spawn_blocking(work).await;
-    result.map_err(|error| Refused::new(Kind::Refused, format!("the diagnosis failed: {error}")))?.map(Json)
+    #[expect(clippy::disallowed_methods, reason = "it has the one place of diagnoses, and ends when its page leaves")]
+    let result = tokio::task::spawn_blocking(work);
+    result.await.map_err(|error| Refused::new(Kind::Refused, format!("the diagnosis failed: {error}")))?.map(Json)
 }
 
 /// Opens the table too, as a page does with a file: nothing is sent to the board.
