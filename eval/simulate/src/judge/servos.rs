@@ -199,7 +199,7 @@ impl Servos {
         self.changes += 1;
     }
 
-    /// The board knows no servo: no order gives one another goal, and one that was on its way goes on, however slowly.
+    /// The board knows no servo: no order gives one another goal, and one that was on its way continues, however slowly.
     pub fn on_uncontrolled(&mut self, now_ns: u64) {
         self.end_orders(u64::MAX);
         self.tracks.iter_mut().for_each(|track| track.motion = Motion::Stopping(now_ns));
