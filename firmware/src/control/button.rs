@@ -7,14 +7,19 @@ use darm_core::units::Micros;
 
 /// A contact that opens for a shorter time bounces.
 const OPEN: Micros = Micros::from_millis(20);
+/// Looks that are farther apart say nothing of the time between them: while the flash is erased no tick runs, 45 to 400 ms on the Pico, and
+/// one bounce before would count as a contact that was open all the time.
+const LATE: Micros = Micros::from_millis(2);
 /// A press counts for this time, while the contact stays closed.
 const PRESS: Micros = Micros::from_millis(60_000);
 
 /// The contact over time.
 pub(super) struct Button {
     closed: bool,
-    /// Since when it has this level.
+    /// Since when it has this level, later by the time in which nobody looked.
     since: Micros,
+    /// The last look.
+    seen: Micros,
     /// When it closed last after it was open.
     pressed: Option<Micros>,
 }
@@ -22,11 +27,15 @@ pub(super) struct Button {
 impl Button {
     /// A contact that may have been closed for ever.
     pub(super) const fn new(now: Micros) -> Self {
-        Self { closed: true, since: now, pressed: None }
+        Self { closed: true, since: now, seen: now, pressed: None }
     }
 
     /// The level in this tick.
     pub(super) fn look(&mut self, now: Micros, closed: bool) {
+        let gap = now - core::mem::replace(&mut self.seen, now);
+        if gap > LATE {
+            self.since = self.since + gap;
+        }
         if closed == self.closed {
             return;
         }
@@ -75,5 +84,19 @@ mod tests {
         assert!(pressed_after(&[100, 1, 1, 1, 1, 50]));
         assert!(!pressed_after(&[1, 1, 1, 50]), "a loose jumper");
         assert!(!pressed_after(&[100, 59_000, 1, 2_000]), "a bounce is no second press");
+    }
+
+    /// While the flash is erased nobody looks.
+    #[test]
+    fn a_bounce_before_a_pause_is_no_press_and_a_press_within_it_is_one() {
+        for (open_ms, is_pressed) in [(1, false), (19, false), (20, true), (100, true)] {
+            let mut button = Button::new(Micros(0));
+            (1..100).for_each(|ms| button.look(Micros::from_millis(ms), true));
+            (100..100 + open_ms).for_each(|ms| button.look(Micros::from_millis(ms), false));
+            let after = Micros::from_millis(100 + open_ms + 400);
+            button.look(after, false);
+            button.look(after + Micros::from_millis(1), true);
+            assert_eq!(button.is_pressed(after + Micros::from_millis(2)), is_pressed, "open for {open_ms} ms");
+        }
     }
 }
