@@ -33,9 +33,13 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
         }
         self.store()?;
         self.take_write(Write::Calibration)?;
-        self.store()?.set_calibration(calibration).await.map_err(|_| Refusal::Storage)?;
-        self.calibration = Ok(Some(calibration));
-        if self.apply_calibration().await { Ok(Answer::Done) } else { Err(Refusal::Busy) }
+        let store = self.store()?;
+        let stored = store.set_calibration(calibration).await.map_err(|_| Refusal::Storage);
+        // After an error only the flash knows which offsets are valid: the next start has those.
+        self.calibration = store.calibration().await.map_err(|_| Refusal::NoCalibration);
+        let is_applied = self.apply_calibration().await;
+        stored?;
+        if is_applied { Ok(Answer::Done) } else { Err(Refusal::Busy) }
     }
 
     /// Gives the offsets to the control tick, which refuses them only while a program runs.
