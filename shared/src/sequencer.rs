@@ -43,7 +43,7 @@ const TAKEN_A_TICK: usize = 12;
 /// A tick that comes later than this after the one before says nothing of the servos: the servo task stalled too.
 const LATE: Micros = Micros::from_millis(2);
 /// What measurements of the supply below the threshold add up to before that is a fault, what each of them adds, and one that is not
-/// low takes off. With one each 10 ms a dip of 40 ms, such as that of a motor that starts, passes once in 0.8 s; a supply that
+/// low takes off. With one each 10 ms a dip of 40 ms, such as that of a motor that starts, passes once in 0.84 s; a supply that
 /// collapses again and again, as one does that switches itself off at overload, does not.
 const MAX_LOW_SUPPLY: u8 = 100;
 const LOW_SUPPLY: u8 = 20;
@@ -110,6 +110,8 @@ impl<'t> Sequencer<'t> {
     pub fn configure(&mut self, profile: &'t Profile) {
         self.profile = profile;
         self.coils.configure(self.now, profile);
+        // What an earlier run left on its way gets its order now, and not when the clock began.
+        self.hold_since = None;
         self.servos_to_fallback();
     }
 

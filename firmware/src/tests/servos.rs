@@ -1,11 +1,18 @@
 //! Servos move only when they are commanded: no table and no calibration moves one.
 
+use core::cell::RefCell;
+
+use darm_core::profile::Profile;
 use darm_core::sequencer::{Command, FaultKind, Phase, ServoAction, ServoBreach, ServoSeen, ServoTarget};
-use darm_core::units::Micros;
+use darm_core::units::{DeviceId, Micros};
+use darm_core::wire::bootstrap::Identity;
+use darm_core::wire::health::Health;
 use darm_core::wire::message::{Answer, CHUNK, Calibration, Image, Refusal, Request};
 
-use super::Bench;
-use super::fakes::{Cells, table};
+use super::fakes::{Cells, HandClock, caps, run, table};
+use super::{Bench, OnBench};
+use crate::control::{Control, Inputs, Shared, TICK};
+use crate::dispatch::{Board, Dispatcher};
 
 /// A board with a table that has a servo, whose shaft is at `angle_rad`.
 pub(super) fn with_servo(angle_rad: f32) -> Bench {
@@ -142,4 +149,43 @@ fn a_servo_that_moves_unasked_while_nothing_runs_latches_the_safe_state() {
     bench.command(Command::Clear).unwrap();
     bench.pass_ms(2);
     assert_eq!(phase(), Phase::Idle);
+}
+
+/// When a start writes its count, ms: a servo that an earlier run left on its way answers from this time on, at each visit of the bus.
+fn first_write_ms(answers_from_ms: u64) -> u64 {
+    let cells = Cells::with_profile();
+    let before = cells.copy();
+    let shared: &'static Shared<'static> = Box::leak(Box::default());
+    let clock: &'static HandClock = Box::leak(Box::default());
+    let control = RefCell::new(Control::new(Micros(0), shared, Box::leak(Box::default())));
+    let identity = Identity { device: DeviceId([7; 12]), board: heapless::String::try_from("bench").unwrap() };
+    let board = Board { identity, crash: None, caps: caps(), guards_loader: true, health: Health::default, kept: None };
+    let mut dispatcher: OnBench =
+        Dispatcher::new(board, clock, shared, Box::leak(Box::default()), Box::leak(Box::default()));
+    let profile = Box::leak(Box::new(Profile::empty()));
+    let mut written_ms = None;
+    run(dispatcher.open(Some(cells.flash(u32::MAX)), Box::leak(Box::default()), profile), || {
+        let now = Micros(clock.0.get()) + TICK;
+        clock.0.set(now.0);
+        control.borrow_mut().tick(now, now, Inputs::default(), shared);
+        if written_ms.is_none() && !cells.is_equal(&before) {
+            written_ms = Some(now.0 / 1000);
+        }
+        let has_order = shared.joints()[0].is_some_and(|joint| joint.action == ServoAction::Hold);
+        if has_order && (now.0 / 1000).is_multiple_of(10) && now.0 / 1000 >= answers_from_ms {
+            shared.see_servo(0, ServoSeen { answered: Some(now), ..ServoSeen::default() });
+        }
+    });
+    written_ms.expect("a start counts itself")
+}
+
+/// While the flash is written nobody looks after a servo; one that does not answer does not keep the board from starting.
+#[test]
+fn a_start_counts_itself_once_its_servos_have_answered() {
+    for answers_from_ms in [0, 15, 60] {
+        let written_ms = first_write_ms(answers_from_ms);
+        let answered_ms = answers_from_ms.next_multiple_of(10);
+        assert!(written_ms > answered_ms && written_ms < answered_ms + 50, "{answers_from_ms}: {written_ms}");
+    }
+    assert!((200..260).contains(&first_write_ms(u64::MAX)));
 }

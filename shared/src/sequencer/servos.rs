@@ -35,7 +35,8 @@ impl Sequencer<'_> {
         let hold_since = self.hold_since.unwrap_or(self.now);
         let is_recent = self.now - hold_since < HOLD_TIME;
         let from = hold_since + ORDER_TIME;
-        is_recent && seen.servos.iter().any(|servo| servo.answered.is_some_and(|answered| answered < from))
+        let mut own = seen.servos.iter().zip(&self.profile.servos);
+        is_recent && own.any(|(servo, _)| servo.answered.is_none_or(|answered| answered < from))
     }
 
     /// Time in which no tick ran, as while code and tables share a flash that is erased, is no silence of a servo.
