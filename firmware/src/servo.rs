@@ -271,6 +271,7 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
         if known.progress == Progress::Done && known.visits <= REWRITE_VISITS {
             return Ok(());
         }
+        let mut place = sample.place;
         // One that has answered that it goes has torque: its hold does not wait for a further answer.
         if known.progress != Progress::Due || !known.is_driven {
             let found = self.registers(limit.id).await?;
@@ -288,8 +289,10 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
                 self.note(index, |known| known.is_done(true));
                 return Ok(());
             }
+            // Reading the registers took a millisecond, in which one damaged answer more could be a motion.
+            place = self.agree(limit, Some(place)).await?.place;
         }
-        let sample = self.agree(limit, Some(sample.place)).await?;
+        let sample = self.agree(limit, Some(place)).await?;
         // No load bends a servo from a goal that it never had.
         let has_taken = self.known(index).has_taken;
         let is_kept = |goal: &i16| has_taken && goal.abs_diff(sample.place.steps) <= BENT_STEPS;
@@ -324,13 +327,17 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
     /// all votes but one: damaged answers that agree with each other have to outvote it, and what is new to it too. An old place has
     /// none: while the flash let nothing run the servo may have gone anywhere, and a damaged answer would be as possible as a right one.
     async fn agree(&mut self, limit: &ServoWiring, before: Option<Place>) -> Result<Sample, BusError> {
-        let before = before.filter(|place| place.age(self.clock.now()) <= MAX_AGE);
         let (mut place, mut votes) = (before, before.map_or(0, |_| ENOUGH_VOTES.saturating_sub(1)));
         for _ in 0..MAX_READS {
             // An answer may wait to be read while the flash lets nothing run: it is as old as its request.
             let asked = self.clock.now();
             let (values, error) = self.read(limit.id, PRESENT).await?;
-            let mut sample = Sample::new(values, error, asked, self.clock.now());
+            let came = self.clock.now();
+            let mut sample = Sample::new(values, error, asked, came);
+            // The flash may have let nothing run since the read before.
+            if place.is_some_and(|place| place.age(came) > MAX_AGE) {
+                (place, votes) = (None, 0);
+            }
             match place.filter(|place| place.leads_to(&sample, limit)) {
                 Some(last) => {
                     votes = votes.saturating_add(1);
