@@ -97,7 +97,7 @@ pub enum FaultKind {
         /// Index of the servo joint.
         servo: u8,
     },
-    /// The supply of the board was below the profile's threshold in five measurements in a row, or in short dips that together took more than a twentieth of the time.
+    /// The supply of the board was below the profile's threshold in five measurements in a row, or in short dips that together took more than 1/21 of the time.
     Supply {
         /// What was measured last, mV; 0 where a measurement gave nothing.
         mv: u16,
