@@ -312,7 +312,7 @@ impl Host<'_> {
                 world.judge_stopped(Party::First, began_ns, true);
             });
         }
-        world::with(|world| world.send_commands_of_before(link, seed));
+        world::with(|world| world.send_commands_of_before(link, seed, began_ns));
         world::pass(SETTLE_MS);
         if form == StopForm::Input {
             world::with(|world| world.press_emergency_stop(false));
@@ -328,6 +328,7 @@ impl Host<'_> {
 
     /// Commands on a connection that a stop has ended, behind a copy of what had opened it.
     pub(super) fn late_hello(&mut self, seed: u64) {
+        let rest_ns = world::with(|world| world.now_ns());
         if !self.is_own_table_at_rest() {
             return;
         }
@@ -340,7 +341,7 @@ impl Host<'_> {
         }
         world::with(|world| {
             if let Some(opened) = world.ended_link(seed >> 1) {
-                world.send_commands_of_before(opened, seed);
+                world.send_commands_of_before(opened, seed, rest_ns);
             }
         });
         world::pass(SETTLE_MS);

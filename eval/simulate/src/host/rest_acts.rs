@@ -139,11 +139,12 @@ impl Host<'_> {
             return;
         }
         let Some(first) = world::with(|world| world.first_link()) else { return };
+        let rest_ns = world::with(|world| world.now_ns());
         if !world::with(|world| world.damage_last_start(seed)) {
             return;
         }
         world::pass(SETTLE_MS);
-        world::with(|world| world.send_commands_of_before(first, seed));
+        world::with(|world| world.send_commands_of_before(first, seed, rest_ns));
         world::pass(SETTLE_MS);
     }
 
