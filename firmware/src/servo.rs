@@ -47,10 +47,10 @@ const QUIET: Micros = Micros::from_millis(2);
 /// What a servo does is written, or read back, again after this many visits even if it did not change: the servo may have lost
 /// power.
 const REWRITE_VISITS: u8 = 50;
-/// Reads of one visit until enough agree: three may be damaged.
-const MAX_READS: u8 = 6;
+/// Reads of one visit until enough agree: four may be damaged.
+const MAX_READS: u8 = 8;
 /// Votes that make a place the one where a servo is. The place of the visit before has one less.
-const ENOUGH_VOTES: u8 = 3;
+const ENOUGH_VOTES: u8 = 4;
 /// A place that is older says nothing of where a servo is: it is read each [`CYCLE`], or after the one before it was silent.
 const MAX_AGE: Micros = Micros::from_millis(35);
 /// A hold that starts again keeps its goal where the load has bent the servo by less than this, steps: 1.4°. A new goal each
