@@ -13,7 +13,7 @@
 //! is there, after it the new one, and the records survive a power cut at any byte. The record carries length, digest
 //! and model of the image, so a slot is believed only when its bytes agree. Each record is written twice: one that is damaged
 //! reads as none, and would leave the board with no offsets or no profile. Where both copies are, the record is lost, and no older
-//! one is taken for it ([`newest`]).
+//! one is taken for it (`newest.rs`).
 //!
 //! Records that cannot be read (a failed part, or what another program has left) are erased by the next upload of a profile. Until
 //! then there is no table and no profile; what is erased with them is the calibration.

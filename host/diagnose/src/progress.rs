@@ -1,6 +1,6 @@
 //! How far a diagnosis is, for whoever waits for it, and the request to give it up.
 //!
-//! A clone is another handle of the same diagnosis. Whatever takes long asks [`Progress::check`] before each piece of its work: the
+//! A clone is another handle of the same diagnosis. Whatever takes long asks `Progress::check` before each piece of its work: the
 //! equations of a fold on an axis, a model, a hypothesis, a candidate. Once the diagnosis is given up the answer is
 //! [`Cancelled`], an error like another: what is half computed is never taken for a result, and nobody can forget to ask how a
 //! piece ended. A piece takes below a tenth of a second for a log of six joints and 1500 rows; a fit of tool poses is one piece.

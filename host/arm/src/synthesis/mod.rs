@@ -21,7 +21,7 @@
 //!   hold all the way.
 //! - [`Method::Paper`]: the incremental scheme of the paper, for comparison.
 //!
-//! Stops that no frame uses are set so that every module can be assembled in every word, see [`assembly`].
+//! Stops that no frame uses are set so that every module can be assembled in every word, see `assembly`.
 //!
 //! Servo angles are free at first; then each is fixed at the nearest angle that the servo can keep, and the stops take up
 //! what that leaves.

@@ -158,7 +158,7 @@ impl<P: RegressionProblem> Clone for Trial<P> {
     }
 }
 
-/// A loss. It has no order: only [`Under`] one weighting are losses compared.
+/// A loss. It has no order: only [`Weighted`] one weighting are losses compared.
 #[derive(Clone, Copy, Debug)]
 pub struct Loss(f64);
 
