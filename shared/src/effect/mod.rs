@@ -70,7 +70,7 @@ pub enum Effect<T: Real> {
         expansion_per_k: T,
     },
     /// Actuators creep in their clamps, ever more slowly as a rule: l = l₀ + v·t + w·t²/2, with t = t₁ where no time is known.
-    /// Valid within one measurement: nothing creeps on for ever, so afterwards the actuator is held to stand where it stood at
+    /// Valid within one measurement: no creep continues without end, so afterwards the actuator is taken to stay where it was at
     /// its end. Second-order expansion in time.
     Drift {
         /// The actuators concerned; the same values serve all.

@@ -266,7 +266,7 @@ fn a_servo_that_nobody_wired_is_not_driven() {
     assert_eq!(broken(judge), ["servo-wiring"]);
 }
 
-/// A servo on its way to an ordered goal obeys a damaged request, and has its own goal again after so many ticks.
+/// A servo on its way to an ordered goal obeys a damaged request, and has its own goal again after this number of ticks.
 fn is_misled_for(ticks: u64) -> Vec<&'static str> {
     let mut judge = judge(false);
     judge.on_order(4 * MS, Wish::Angle(0, 500.0 / super::STEPS_PER_RAD));
