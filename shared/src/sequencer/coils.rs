@@ -106,6 +106,11 @@ impl<'t> Coils<'t> {
         self.word
     }
 
+    /// The word that is being set, as the supply allows.
+    pub(super) fn wanted(&self) -> Word {
+        self.wanted
+    }
+
     /// Levels of the output lines.
     pub(super) fn lines(&self) -> u64 {
         self.lines

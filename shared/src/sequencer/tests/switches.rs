@@ -1,7 +1,10 @@
 //! Limit switches that contradict the word.
 
 use super::{Bench, end, row, two_valves};
+use crate::output::SwitchLimit;
+use crate::profile::Profile;
 use crate::sequencer::{Command, CommandError, FaultKind};
+use crate::table::Record;
 use crate::units::ActuatorId;
 
 #[test]
@@ -29,4 +32,28 @@ fn a_bounce_of_two_ticks_is_no_fault() {
     bench.seen.switches = 0;
     bench.run(1).follows = true;
     assert_eq!(bench.run(40).fault(), None);
+}
+
+/// The second valve of the word waits for the supply, while the first one moves already. Both have rested before, in state 0.
+#[test]
+fn a_valve_that_moves_while_the_word_waits_for_the_supply_contradicts_nothing() {
+    let feeds_one = |profile: &mut Profile| profile.supply = SwitchLimit { new_coils: 1, window_ms: 60 };
+    let mut records = two_valves(&[row(0, "10"), end(90)]);
+    let Some(Record::Start { switch_limit, .. }) = records.first_mut() else { unreachable!() };
+    *switch_limit = SwitchLimit { new_coils: 1, window_ms: 60 };
+    let mut bench = Bench::with(&records, feeds_one);
+    for coil in [0, 1] {
+        bench.command(Command::Coil { coil, on_ms: 30 }).unwrap();
+        bench.run(100);
+    }
+    bench.command(Command::Word("11".parse().unwrap())).unwrap();
+    assert_eq!(bench.run(50).outputs.lines, 0b01);
+    assert_eq!(bench.run(40).outputs.lines, 0b11);
+    assert_eq!(bench.fault(), None);
+    // From then on the switches count again.
+    bench.follows = false;
+    bench.seen.switches = 0b10;
+    bench.run(5);
+    let expected = FaultKind::Switch { actuator: ActuatorId(0), expected_closed: true, seen_closed: false };
+    assert_eq!(bench.fault(), Some(expected));
 }
