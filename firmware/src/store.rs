@@ -16,7 +16,7 @@
 //! one is taken for it (`newest.rs`).
 //!
 //! Records that cannot be read (a failed part, or what another program has left) are erased by the next upload of a profile. Until
-//! then there is no table and no profile; what is erased with them is the calibration.
+//! then there is no table and no profile. What is erased with them is the calibration: it counts as lost from then on, not as zero.
 //!
 //! A board has never had a profile where its records are readable and name none, and both slots of profiles are blank: every
 //! byte is 0xff. Everything else that is not a valid profile is a [lost](Store::is_profile_lost) one. The slots are the marker
@@ -68,7 +68,7 @@ pub struct Store<F: NorFlash> {
 }
 
 impl<F: NorFlash> Store<F> {
-    /// Opens the store and finds which slots are valid.
+    /// Opens the store and finds which slots are valid. Nothing is written: a start does that once its servos are held.
     pub async fn open(flash: F) -> Self {
         const { assert!(F::READ_SIZE == 1 && BLOCK.is_multiple_of(F::WRITE_SIZE)) };
         const { assert!(SLOT_BYTES.is_multiple_of(F::ERASE_SIZE) && F::ERASE_SIZE.is_multiple_of(BLOCK)) };
@@ -77,17 +77,21 @@ impl<F: NorFlash> Store<F> {
         let (unreadable, is_profile_lost) = (false, false);
         let newest = Newest::default();
         let mut store = Self { records, table: None, profile: None, upload: None, newest, unreadable, is_profile_lost };
-        match store.repair::<Newest>(KEY_NEWEST).await {
+        match store.fetch_doubled::<Newest>(KEY_NEWEST).await {
             Ok(newest) => store.newest = newest.unwrap_or_default(),
             Err(StorageError) => store.unreadable = true,
         }
         for kind in [ImageKind::Table, ImageKind::Profile] {
-            match store.repair::<Valid>(valid_key(kind)).await {
+            match store.fetch_doubled::<Valid>(valid_key(kind)).await {
                 Ok(valid) => *store.valid_mut(kind) = valid,
                 Err(StorageError) => store.unreadable = true,
             }
         }
         store.is_profile_lost = store.profile.is_none() && (store.unreadable || !store.has_blank_profiles().await);
+        if store.is_profile_lost {
+            // Offsets may be lost with it, and none would count as zero.
+            store.newest.calibration = store.newest.calibration.max(1);
+        }
         store
     }
 
@@ -125,7 +129,7 @@ impl<F: NorFlash> Store<F> {
         self.valid(kind).map(|valid| valid.image.digest)
     }
 
-    /// Counts this start and returns how many there were.
+    /// Counts this start, returns how many there were, and writes again what is damaged of a record whose other copy is good.
     ///
     /// # Errors
     ///
@@ -137,6 +141,10 @@ impl<F: NorFlash> Store<F> {
         let newest = Newest { starts: self.newest.starts.saturating_add(1), ..self.newest };
         self.put_doubled(KEY_NEWEST, newest).await?;
         self.newest = newest;
+        for kind in [ImageKind::Table, ImageKind::Profile] {
+            self.repair::<Valid>(valid_key(kind)).await;
+        }
+        self.repair::<Calibration>(KEY_CALIBRATION).await;
         Ok(newest.starts)
     }
 
@@ -146,7 +154,7 @@ impl<F: NorFlash> Store<F> {
     ///
     /// The flash cannot be read, or the newest offsets are lost: older ones would turn the joints.
     pub async fn calibration(&mut self) -> Result<Option<Calibration>, StorageError> {
-        let stored = self.repair(KEY_CALIBRATION).await?;
+        let stored = self.fetch_doubled(KEY_CALIBRATION).await?;
         if stored.is_none() && *self.newest.version(KEY_CALIBRATION) > 0 { Err(StorageError) } else { Ok(stored) }
     }
 
@@ -199,6 +207,10 @@ impl<F: NorFlash> Store<F> {
     pub async fn commit(&mut self) -> Result<(), UploadError> {
         let upload = self.upload.take().ok_or(UploadError::NoUpload)?;
         let kind = upload.image.kind;
+        if self.is_profile_lost {
+            // Before a profile says that nothing is lost.
+            self.put_doubled(KEY_NEWEST, self.newest).await?;
+        }
         let stored = self.replace(valid_key(kind), Valid { slot: upload.slot, image: upload.image }).await;
         // After an error only the flash knows whether the record is valid.
         *self.valid_mut(kind) = self.fetch_doubled(valid_key(kind)).await?;

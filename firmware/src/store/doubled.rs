@@ -46,20 +46,19 @@ impl<F: NorFlash> Store<F> {
         Ok(self.newest_of(key, copies).map(|doubled| doubled.value))
     }
 
-    /// Reads a record, and writes it again where one copy is damaged or older: after a power cut, for example.
-    pub(super) async fn repair<V>(&mut self, key: u8) -> Result<Option<V>, StorageError>
+    /// Writes a record again where one copy is damaged or older: after a power cut, for example. The other copy is good: what cannot be
+    /// written now is tried again at the next start.
+    pub(super) async fn repair<V>(&mut self, key: u8)
     where
         V: Copy + PartialEq + Serialize + for<'a> Deserialize<'a>,
     {
-        let copies = self.copies::<V>(key).await?;
-        let Some(newest) = self.newest_of(key, copies) else { return Ok(None) };
+        let Ok(copies) = self.copies::<V>(key).await else { return };
+        let Some(newest) = self.newest_of(key, copies) else { return };
         for (key, copy) in [key, key | SECOND].into_iter().zip(copies) {
             if copy != Some(newest) {
-                // The other copy is good: what cannot be written now is tried again at the next start.
                 let _ = self.put(key, &newest).await;
             }
         }
-        Ok(Some(newest.value))
     }
 
     /// The newer one of two copies, unless a newer one than both was written.

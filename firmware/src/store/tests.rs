@@ -289,9 +289,9 @@ fn spoil_profile_records(cells: &Cells, uploads: u8) {
 }
 
 /// A start counts itself and the host writes a profile, with power for so many words; the power then fails again within the next
-/// start's repair and upload. No start finds the limits that are built in.
+/// start's repair and upload. No start finds the limits that are built in, or zero offsets in place of those that were erased.
 #[test]
-fn no_power_cut_puts_built_in_limits_in_force_on_a_board_that_had_a_profile() {
+fn no_power_cut_makes_a_board_that_had_a_profile_a_new_one() {
     let histories = [
         ("one profile", worn(1, |_| ())),
         ("two profiles", worn(2, |_| ())),
@@ -321,6 +321,8 @@ fn no_power_cut_puts_built_in_limits_in_force_on_a_board_that_had_a_profile() {
             let confirmed = upload_profile(&mut open(&cells, again), 8);
             let found = in_force(&cells);
             assert!(found != InForce::BuiltIn && (!confirmed || found == InForce::Stored(8)), "{history}: {found:?}");
+            let offsets = now(open(&cells, ENDLESS).calibration());
+            assert!(offsets != Ok(None), "{history}, {n_cuts}");
         }
         assert!(n_cuts > 30, "{history}: {n_cuts}");
     }
