@@ -11,12 +11,12 @@
 //! | `Hold`    | the present position as the goal, at the profile's speed and torque, where the servo has torque |
 //! | `Release` | torque off                                                                                  |
 //!
-//! What was written is read back in the next visit, and written again until the servo has it. No single answer decides: where a
-//! servo is, is a vote of the reads and of the place before, and a position becomes a goal after one more read that
-//! agrees; registers count as read when two answers in a row are the same.
+//! What was written is read back in the next visit, and written again until the servo has it; one that still has not after
+//! [`MAX_TRIES`] counts as silent. No single answer decides: where a
+//! servo is, is a vote of the reads and of the place before, and the middle one of three that agree becomes a goal; registers count as read when two answers in a row are the same.
 //!
-//! Range, speed and motion are compared with the profile in each visit, whatever the servo is to do, and a breach that lasts for two
-//! visits goes to the control tick.
+//! Range, speed and motion are compared with the profile in each visit, whatever the servo is to do. A breach that lasts for two
+//! visits goes to the control tick, and at once one that a whole vote shows.
 //!
 //! Angles are those of the shaft; its zero is the servo's middle position, 2048 of 4096 steps a turn.
 //! Source: Feetech, STS3215 memory table.
@@ -47,6 +47,8 @@ const QUIET: Micros = Micros::from_millis(2);
 /// What a servo does is written, or read back, again after this many visits even if it did not change: the servo may have lost
 /// power.
 const REWRITE_VISITS: u8 = 50;
+/// Times that an order is written before a servo that answers and does not take it counts as silent: two may be damaged.
+const MAX_TRIES: u8 = 4;
 /// Reads of one visit until enough agree: four may be damaged.
 const MAX_READS: u8 = 8;
 /// Votes that make a place the one where a servo is. The place of the visit before has one less.
@@ -134,6 +136,8 @@ struct Known {
     progress: Progress,
     /// Visits since it was done.
     visits: u8,
+    /// Times that it was written since it was done.
+    tries: u8,
     /// It had torque when that was last written or read.
     is_driven: bool,
     /// It did not answer when it was visited last.
@@ -174,7 +178,6 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
             match self.visit(index, &joint.limit, shared).await {
                 Ok(seen) => shared.see_servo(index, seen),
                 Err(_) => {
-                    shared.set_servo_breach(index, None);
                     shared.note_unanswered();
                     self.settle().await;
                 }
@@ -225,6 +228,7 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
             Ok(sample) => sample,
             Err(error) => {
                 self.note(index, |known| known.miss(error));
+                shared.set_servo_breach(index, None);
                 return Err(error);
             }
         };
@@ -239,26 +243,27 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
         // What it is to do may have changed meanwhile: no target from before a stop is written after it.
         let Some(joint) = shared.joints().get(index).copied().flatten() else { return Ok(seen) };
         self.note(index, |known| known.begin(joint.action));
+        let known = self.known(index);
+        if known.progress == Progress::Done && known.visits <= REWRITE_VISITS {
+            return Ok(seen);
+        }
         match joint.action {
             ServoAction::Go(target) => self.go(index, goal(&target, &joint.limit), joint.limit.id).await?,
             ServoAction::Hold => self.hold(index, &joint.limit, &sample).await?,
             ServoAction::Release => self.release(index, joint.limit.id).await?,
         }
-        Ok(seen)
+        let is_deaf = self.known(index).tries > MAX_TRIES;
+        Ok(if is_deaf { ServoSeen { answered: shared.servo_seen(index).answered, ..seen } } else { seen })
     }
 
     async fn go(&mut self, index: usize, registers: [u8; GOAL_LEN as usize], id: u8) -> Result<(), BusError> {
-        let known = self.known(index);
-        if known.progress == Progress::Done && known.visits <= REWRITE_VISITS {
-            return Ok(());
-        }
         // Damage can keep the sum of a request: the servo then goes elsewhere and answers that all is well.
-        if known.progress != Progress::Due && does(&self.registers(id).await?, &registers) {
+        if self.known(index).progress != Progress::Due && does(&self.registers(id).await?, &registers) {
             self.note(index, |known| known.is_done(true));
             return Ok(());
         }
         // Whether it does this or still the last is not known before it answers.
-        self.note(index, |known| (known.progress, known.is_driven) = (Progress::Written, false));
+        self.note(index, |known| known.tries(false));
         self.write(id, TORQUE_ENABLE, &registers).await?;
         self.note(index, |known| known.is_driven = true);
         Ok(())
@@ -268,57 +273,56 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
     /// nobody requested.
     async fn hold(&mut self, index: usize, limit: &ServoWiring, sample: &Sample) -> Result<(), BusError> {
         let known = self.known(index);
-        if known.progress == Progress::Done && known.visits <= REWRITE_VISITS {
-            return Ok(());
-        }
-        let mut place = sample.place;
+        let mut first = *sample;
         // One that has answered that it goes has torque: its hold does not wait for a further answer.
         if known.progress != Progress::Due || !known.is_driven {
             let found = self.registers(limit.id).await?;
             let [torque, ..] = found;
+            // One that loses its torque while it holds keeps its goal: where it sinks from there, it has moved.
             if torque == 0 {
-                self.note(index, |known| {
-                    known.goal = None;
-                    known.is_done(false);
-                });
+                self.note(index, |known| known.is_done(false));
                 return Ok(());
             }
-            let has_goal = known.goal.is_some_and(|steps| keeps(&found, &goal_registers(steps, limit)));
+            let wanted = known.goal.map(|steps| goal_registers(steps, limit));
+            let has_goal = wanted.is_some_and(|wanted| position(&found) == position(&wanted));
             self.note(index, |known| known.has_taken |= has_goal);
-            if known.progress != Progress::Due && has_goal {
+            if known.progress != Progress::Due && wanted.is_some_and(|wanted| keeps(&found, &wanted)) {
                 self.note(index, |known| known.is_done(true));
                 return Ok(());
             }
-            // Reading the registers took a millisecond, in which one damaged answer more could be a motion.
-            place = self.agree(limit, Some(place)).await?.place;
+            // Reading the registers took a millisecond.
+            first = self.agree(limit, Some(first.place)).await?;
         }
-        let sample = self.agree(limit, Some(place)).await?;
+        let second = self.agree(limit, Some(first.place)).await?;
+        let third = self.agree(limit, Some(second.place)).await?;
+        if first.has_jumped || second.has_jumped || third.has_jumped {
+            // The next visit finds the same, and reports it.
+            return Err(BusError::Doubtful);
+        }
+        let seen = median([first, second, third].map(|sample| sample.place.steps));
         // No load bends a servo from a goal that it never had.
         let has_taken = self.known(index).has_taken;
-        let is_kept = |goal: &i16| has_taken && goal.abs_diff(sample.place.steps) <= BENT_STEPS;
-        let steps = known.goal.filter(is_kept).unwrap_or_else(|| place_to_hold(&sample, limit));
+        let is_kept = |goal: &i16| has_taken && goal.abs_diff(seen) <= BENT_STEPS;
+        let steps = known.goal.filter(is_kept).unwrap_or_else(|| place_to_hold(seen, limit));
         self.note(index, |known| {
-            known.place = Some(sample.place);
+            known.place = Some(third.place);
             known.has_taken &= known.goal == Some(steps);
-            (known.goal, known.progress, known.settling) = (Some(steps), Progress::Written, SETTLE_VISITS);
+            (known.goal, known.settling) = (Some(steps), SETTLE_VISITS);
+            known.tries(known.is_driven);
         });
         let [_, values @ ..] = goal_registers(steps, limit);
         self.write(limit.id, ACCELERATION, &values).await
     }
 
     async fn release(&mut self, index: usize, id: u8) -> Result<(), BusError> {
-        let known = self.known(index);
-        if known.progress == Progress::Done && known.visits <= REWRITE_VISITS {
-            return Ok(());
-        }
-        if known.progress != Progress::Due {
+        if self.known(index).progress != Progress::Due {
             let [torque, ..] = self.registers(id).await?;
             if torque == 0 {
                 self.note(index, |known| known.is_done(false));
                 return Ok(());
             }
         }
-        self.note(index, |known| (known.progress, known.is_driven) = (Progress::Written, false));
+        self.note(index, |known| known.tries(false));
         self.write(id, TORQUE_ENABLE, &[0]).await
     }
 
@@ -326,7 +330,7 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
     /// another one against it, and a place without votes gives way to what is read. `before`, where it was seen last, begins with
     /// all votes but one: damaged answers that agree with each other have to outvote it, and what is new to it too. An old place has
     /// none: while the flash let nothing run the servo may have gone anywhere, and a damaged answer would be as possible as a right one.
-    async fn agree(&mut self, limit: &ServoWiring, before: Option<Place>) -> Result<Sample, BusError> {
+    async fn agree(&mut self, limit: &ServoWiring, mut before: Option<Place>) -> Result<Sample, BusError> {
         let (mut place, mut votes) = (before, before.map_or(0, |_| ENOUGH_VOTES.saturating_sub(1)));
         for _ in 0..MAX_READS {
             // An answer may wait to be read while the flash lets nothing run: it is as old as its request.
@@ -336,19 +340,19 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
             let mut sample = Sample::new(values, error, asked, came);
             // The flash may have let nothing run since the read before.
             if place.is_some_and(|place| place.age(came) > MAX_AGE) {
-                (place, votes) = (None, 0);
+                (before, place, votes) = (None, None, 0);
             }
-            match place.filter(|place| place.leads_to(&sample, limit)) {
-                Some(last) => {
-                    votes = votes.saturating_add(1);
-                    sample.before_steps = last.steps;
-                    place = Some(sample.place);
-                    if votes >= ENOUGH_VOTES {
-                        return Ok(sample);
-                    }
+            if place.is_some_and(|place| place.leads_to(&sample, limit)) {
+                votes = votes.saturating_add(1);
+                place = Some(sample.place);
+                if votes >= ENOUGH_VOTES {
+                    sample.has_jumped = before.is_some_and(|before| !before.leads_to(&sample, limit));
+                    return Ok(sample);
                 }
-                None if votes > 0 => votes = votes.saturating_sub(1),
-                None => (place, votes) = (Some(sample.place), 1),
+            } else if votes > 0 {
+                votes = votes.saturating_sub(1);
+            } else {
+                (place, votes) = (Some(sample.place), 1);
             }
         }
         Err(BusError::Doubtful)
@@ -429,18 +433,18 @@ impl Known {
         if self.action != Some(action) {
             // One that goes has no position that it holds.
             (self.action, self.progress, self.goal, self.has_taken) = (Some(action), Progress::Due, None, false);
-            self.settling = SETTLE_VISITS;
+            (self.settling, self.tries) = (SETTLE_VISITS, 0);
         }
         self.visits = self.visits.saturating_add(1);
     }
 
-    /// What it does that its profile does not allow, in this visit and the one before: a single answer may be damaged. `before` is where it was
-    /// then.
+    /// What it does that its profile does not allow, in this visit and the one before, for a single answer may be damaged; or in this
+    /// one, where a vote shows it far from `before`, where it was then.
     fn judge(&mut self, limit: &ServoWiring, before: Option<Place>, sample: &Sample) -> Option<ServoBreach> {
         self.settling = self.settling.saturating_sub(1);
         let (breach, last) = (self.breach(limit, before, sample), self.breach);
         self.breach = breach;
-        breach.filter(|_| last == breach)
+        breach.filter(|_| last == breach || sample.has_jumped)
     }
 
     fn breach(&mut self, limit: &ServoWiring, before: Option<Place>, sample: &Sample) -> Option<ServoBreach> {
@@ -475,8 +479,12 @@ impl Known {
         }
     }
 
+    fn tries(&mut self, is_driven: bool) {
+        (self.progress, self.tries, self.is_driven) = (Progress::Written, self.tries.saturating_add(1), is_driven);
+    }
+
     fn is_done(&mut self, is_driven: bool) {
-        (self.progress, self.visits, self.is_driven) = (Progress::Done, 0, is_driven);
+        (self.progress, self.visits, self.tries, self.is_driven) = (Progress::Done, 0, 0, is_driven);
     }
 }
 
@@ -485,15 +493,19 @@ fn goes(action: &ServoAction) -> bool {
     matches!(action, ServoAction::Go(_))
 }
 
-/// The position to hold, steps: where the servo is. One that its load has bent over the edge of its range, or that only one of
-/// two reads shows outside, holds at the edge: with its place for the goal each start would bend it further out.
-fn place_to_hold(sample: &Sample, limit: &ServoWiring) -> i16 {
+/// The position to hold, steps: where the servo is. One that its load has bent over the edge of its range holds at the edge: with its
+/// place for the goal each start would bend it further out.
+fn place_to_hold(seen: i16, limit: &ServoWiring) -> i16 {
     let [low, high] = [limit.min_rad, limit.max_rad].map(|rad| steps(rad) as i16);
-    let is_within =
-        |steps: i16, margin: i16| (low.saturating_sub(margin)..=high.saturating_add(margin)).contains(&steps);
-    let seen = sample.place.steps;
-    let is_at_edge = is_within(seen, RANGE_MARGIN_STEPS) || is_within(sample.before_steps, 0);
-    if is_at_edge { seen.max(low).min(high) } else { seen }
+    let bent = low.saturating_sub(RANGE_MARGIN_STEPS)..=high.saturating_add(RANGE_MARGIN_STEPS);
+    if bent.contains(&seen) { seen.max(low).min(high) } else { seen }
+}
+
+/// The middle one: a single one that is damaged is none of the three, or lies between the two others.
+fn median(mut steps: [i16; 3]) -> i16 {
+    steps.sort_unstable();
+    let [_, middle, _] = steps;
+    middle
 }
 
 /// The registers of a servo that holds a position.
@@ -501,12 +513,16 @@ fn goal_registers(steps: i16, limit: &ServoWiring) -> [u8; GOAL_LEN as usize] {
     registers(place::register(steps), limit.max_speed_rad_s, limit.max_torque)
 }
 
+/// The goal among its registers.
+fn position(&[_, _, low, high, ..]: &[u8; GOAL_LEN as usize]) -> u16 {
+    u16::from_le_bytes([low, high])
+}
+
 /// Whether registers that were read hold the goal of others as strongly, and no faster. A hold with less torque lets the arm sag.
 fn keeps(found: &[u8; GOAL_LEN as usize], wanted: &[u8; GOAL_LEN as usize]) -> bool {
-    let parts =
-        |&[_, _, p0, p1, _, _, s0, s1, t0, t1]: &[u8; 10]| [[p0, p1], [s0, s1], [t0, t1]].map(u16::from_le_bytes);
-    let ([position, speed, torque], [goal, max_speed, max_torque]) = (parts(found), parts(wanted));
-    position == goal && (1..=max_speed).contains(&speed) && torque == max_torque
+    let parts = |&[.., s0, s1, t0, t1]: &[u8; GOAL_LEN as usize]| [[s0, s1], [t0, t1]].map(u16::from_le_bytes);
+    let ([speed, torque], [max_speed, max_torque]) = (parts(found), parts(wanted));
+    position(found) == position(wanted) && (1..=max_speed).contains(&speed) && torque == max_torque
 }
 
 /// Whether a servo goes to the target of these registers.

@@ -29,8 +29,8 @@ pub(super) struct Place {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sample {
     pub(super) place: Place,
-    /// Position of the read before it; the two agree once the answer is believed.
-    pub(super) before_steps: i16,
+    /// It cannot have come here from where it was before the vote.
+    pub(super) has_jumped: bool,
     load: u16,
     error: u8,
     asked: Micros,
@@ -44,7 +44,8 @@ impl Sample {
         let steps = signed(u16::from_le_bytes([p0, p1]));
         let speed = u16::from_le_bytes([s0, s1]) & (POSITION_SIGN - 1);
         let load = u16::from_le_bytes([l0, l1]) & (LOAD_SIGN - 1);
-        Self { place: Place { asked_us: asked.0 as u32, steps, speed }, before_steps: steps, load, error, asked, came }
+        let place = Place { asked_us: asked.0 as u32, steps, speed };
+        Self { place, has_jumped: false, load, error, asked, came }
     }
 
     /// What the control tick learns.

@@ -65,9 +65,9 @@ struct Stopped {
 }
 
 impl Stopped {
-    /// Whether each goal is where the servo was, but for what its answers may differ, and the last one is in force.
-    fn is_held(&self) -> bool {
-        let is_there = |(goal, place): &(u16, u16)| f32::from(goal.abs_diff(*place)) <= 1.0 + place::NOISE_STEPS;
+    /// Whether each goal is where the servo was, to this many steps and the one that it turns meanwhile, and the last one is in force.
+    fn is_held(&self, within_steps: f32) -> bool {
+        let is_there = |(goal, place): &(u16, u16)| f32::from(goal.abs_diff(*place)) <= 1.0 + within_steps;
         self.goals.iter().all(is_there) && self.goals.last().is_some_and(|(goal, _)| *goal == self.goal)
     }
 }
@@ -125,14 +125,14 @@ fn no_two_damaged_bits_of_an_answer_send_a_stopped_servo_anywhere() {
     for _ in 0..3 {
         let (start, load) = (1500 + numbers.next(1000) as u16, numbers.next(500) as u16);
         let undamaged = stop(start, load, &[]);
-        assert!(undamaged.is_held());
+        assert!(undamaged.is_held(0.0));
         // Position twice, goal; position, goal read back twice.
         assert!(undamaged.answers.len() >= 6);
         for (number, answer) in undamaged.answers.iter().enumerate().take(8) {
             for pair in unnoticed(answer) {
                 n_damaged += 1;
                 let stopped = stop(start, load, &[(number, pair)]);
-                assert!(stopped.is_held(), "{start}: answer {number}, bits {pair:?}: {:?}", stopped.goals);
+                assert!(stopped.is_held(0.0), "{start}: answer {number}, bits {pair:?}: {:?}", stopped.goals);
             }
         }
     }
@@ -154,15 +154,15 @@ fn damaged_answers_that_do_not_agree_send_a_stopped_servo_nowhere() {
         let damage = [draw(first), draw(first + 1)];
         if damage[0].1 != damage[1].1 {
             let stopped = stop(start, load, &damage);
-            assert!(stopped.is_held(), "{start}: {damage:?}: {:?}", stopped.goals);
+            assert!(stopped.is_held(place::NOISE_STEPS), "{start}: {damage:?}: {:?}", stopped.goals);
         }
     }
 }
 
 /// A visit comes 10 ms after the one before at the latest, and an answer half a millisecond after its request, which takes 0.1 ms,
-/// as the answer does: three requests of four servos take 8.4 ms.
+/// as the answer does: four requests of four servos take 11.2 ms.
 #[test]
-fn each_of_four_servos_on_their_way_has_its_hold_after_three_requests() {
+fn each_of_four_servos_on_their_way_has_its_hold_after_four_requests() {
     let (fake, shared, clock) = (Fake::new(), Shared::new(), HandClock::default());
     let all = |joint: Option<Joint>| {
         [1, 2, 3, 4].map(|id| joint.map(|joint| Joint { limit: ServoWiring { id, ..joint.limit }, ..joint }))
@@ -179,7 +179,7 @@ fn each_of_four_servos_on_their_way_has_its_hold_after_three_requests() {
         bus.visit_all(&shared).await;
     };
     run(visits, || clock.0.set(clock.0.get() + 100));
-    assert_eq!((fake.goals.borrow().len(), fake.asked.borrow().len()), (4, 12));
+    assert_eq!((fake.goals.borrow().len(), fake.asked.borrow().len()), (4, 16));
 }
 
 #[test]
@@ -262,9 +262,9 @@ fn a_hold_does_not_creep_when_stops_are_repeated() {
     assert_eq!(goal_of(&fake), 2500);
 }
 
-/// To turn back into the range would be a motion that nobody requested. Read once only it is no goal.
+/// To turn back into the range would be a motion that nobody requested.
 #[test]
-fn a_servo_out_of_its_range_is_held_where_it_is_after_two_reads() {
+fn a_servo_out_of_its_range_is_held_where_it_is() {
     let (low, high) = (steps(-1.0), steps(1.0));
     for at in [high + 100, low - 100] {
         let (fake, shared, clock) = (under_way(at), Shared::new(), HandClock::default());
@@ -272,17 +272,10 @@ fn a_servo_out_of_its_range_is_held_where_it_is_after_two_reads() {
         visit(&fake, &shared, &clock, 3);
         assert_eq!(goal_of(&fake), at);
     }
-    let sample = |before_steps: u16, at: u16| {
-        let [p0, p1] = at.to_le_bytes();
-        let mut sample = Sample::new([p0, p1, 0, 0, 0, 0], 0, Micros(0), Micros(0));
-        sample.before_steps = before_steps as i16;
-        sample
-    };
     let limit = joint(0.0).unwrap().limit;
-    assert_eq!(place_to_hold(&sample(high - 1, high + 3), &limit), high as i16);
-    assert_eq!(place_to_hold(&sample(high + 3, high - 1), &limit), high as i16 - 1);
-    assert_eq!(place_to_hold(&sample(high + 13, high + 13), &limit), high as i16, "bent");
-    assert_eq!(place_to_hold(&sample(high + 14, high + 14), &limit), high as i16 + 14);
+    assert_eq!(place_to_hold(high as i16 - 1, &limit), high as i16 - 1);
+    assert_eq!(place_to_hold(high as i16 + 13, &limit), high as i16, "bent");
+    assert_eq!(place_to_hold(high as i16 + 14, &limit), high as i16 + 14);
 }
 
 /// A start does not know the goal of before.
@@ -382,15 +375,35 @@ fn range_and_speed_are_watched_whatever_a_servo_is_to_do() {
         let outside = breaches(action, torque, 2, |_| steps(1.0) + 20);
         assert_eq!(outside, [None, Some(ServoBreach::Range)], "from the start on");
         let fast = breaches(action, torque, 12, |visit| 1500 + 30 * visit);
-        assert_eq!(fast[..3], [None, None, Some(ServoBreach::Speed)], "{action:?}");
+        assert_eq!(fast[..2], [None, Some(ServoBreach::Speed)], "{action:?}");
         assert_eq!(breaches(action, torque, 12, |visit| 1500 + 13 * visit)[11], None);
     }
 }
 
-/// One damaged answer is not believed, and two in a row that agree are one visit.
+/// Three that agree with each other have not outvoted the place before.
 #[test]
 fn damaged_answers_of_one_visit_are_no_breach() {
-    let found = breaches(doing(ServoAction::Hold), 1, 60, |visit| if visit == 40 { 2000 + 0x400 } else { 2000 });
+    let (fake, shared, clock) = (under_way(2000), Shared::new(), HandClock::default());
+    shared.set_joints([doing(ServoAction::Hold), None, None, None]);
+    let mut bus = Bus::new(&fake, &fake, &clock);
+    let mut found = Vec::new();
+    let visits = async {
+        for visit in 0..60 {
+            let mut left = if visit == 40 { 3 } else { 0 };
+            let spoil = move |request: &Packet, bytes: &mut Vec<u8>| {
+                if request.code == 2 && request.parameters()[0] == PRESENT && left > 0 {
+                    left -= 1;
+                    let [p0, p1] = 2900u16.to_le_bytes();
+                    *bytes = Packet::answer(1, 0, &[p0, p1, 0, 0, 0, 0]).encode().to_vec();
+                }
+            };
+            *fake.spoil.borrow_mut() = Some(Box::new(spoil));
+            bus.visit_all(&shared).await;
+            found.push(shared.servo_breaches()[0]);
+            clock.0.set(clock.0.get() + CYCLE.0);
+        }
+    };
+    run(visits, || clock.0.set(clock.0.get() + 100));
     assert_eq!(found, [None; 60]);
 }
 
@@ -449,4 +462,68 @@ fn damaged_answers_after_a_pause_send_a_held_servo_nowhere() {
     };
     run(visits, || clock.0.set(clock.0.get() + 100));
     assert!(fake.goals.borrow().iter().all(|(goal, _)| *goal == 2002), "{:?}", fake.goals.borrow());
+}
+
+/// A damaged release writes 128 to the torque's register, which makes the place where the servo stands its middle: its angles are
+/// other ones from then on. Seen in one visit, and not again.
+#[test]
+fn a_jump_that_a_whole_vote_shows_is_a_breach_at_once() {
+    let (fake, shared, clock) = (under_way(2500), Shared::new(), HandClock::default());
+    fake.registers.borrow_mut().copy_within(56..58, 42);
+    shared.set_joints([doing(ServoAction::Release), None, None, None]);
+    let mut bus = Bus::new(&fake, &fake, &clock);
+    let visits = async {
+        for _ in 0..5 {
+            bus.visit_all(&shared).await;
+            assert_eq!(shared.servo_breaches()[0], None);
+        }
+        stand_at(&fake, 2048);
+        bus.visit_all(&shared).await;
+        assert_eq!(shared.servo_breaches()[0], Some(ServoBreach::Speed));
+    };
+    run(visits, || clock.0.set(clock.0.get() + 100));
+}
+
+/// A damaged hold took its torque: the arm sinks.
+#[test]
+fn a_servo_that_loses_its_torque_while_it_holds_and_sinks_has_moved() {
+    let (fake, shared, clock) = (under_way(2500), Shared::new(), HandClock::default());
+    shared.set_joints([doing(ServoAction::Hold), None, None, None]);
+    let mut bus = Bus::new(&fake, &fake, &clock);
+    let visits = async {
+        for _ in 0..3 * u16::from(REWRITE_VISITS) {
+            bus.visit_all(&shared).await;
+        }
+        fake.registers.borrow_mut()[40] = 0;
+        for sunk in 0..120 {
+            stand_at(&fake, 2500 - sunk);
+            bus.visit_all(&shared).await;
+        }
+        assert_eq!((goal_of(&fake), fake.registers.borrow()[40]), (2500, 0));
+        assert_eq!(shared.servo_breaches()[0], Some(ServoBreach::Moved));
+    };
+    run(visits, || clock.0.set(clock.0.get() + 100));
+}
+
+/// Its own memory allows less torque. It bends further each time that it is looked at, which must not become its goal.
+#[test]
+fn a_servo_that_does_not_take_what_it_is_told_counts_as_silent_and_does_not_creep() {
+    let (fake, shared, clock) = (under_way(2500), Shared::new(), HandClock::default());
+    shared.set_joints([doing(ServoAction::Hold), None, None, None]);
+    let mut bus = Bus::new(&fake, &fake, &clock);
+    let mut answered = Vec::new();
+    let visits = async {
+        for _ in 0..40 {
+            bus.visit_all(&shared).await;
+            fake.registers.borrow_mut()[48..50].copy_from_slice(&300u16.to_le_bytes());
+            stand_at(&fake, goal_of(&fake) - 10);
+            answered.push(shared.servo_seen(0).answered);
+            clock.0.set(clock.0.get() + CYCLE.0);
+        }
+    };
+    run(visits, || clock.0.set(clock.0.get() + 100));
+    assert_eq!(goal_of(&fake), 2500);
+    let tries = usize::from(MAX_TRIES);
+    assert!(answered[..tries].is_sorted_by(|before, after| before < after), "{answered:?}");
+    assert!(answered[tries..].iter().all(|at| *at == answered[tries]), "{answered:?}");
 }
