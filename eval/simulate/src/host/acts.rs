@@ -106,7 +106,7 @@ impl Host<'_> {
                 None => return,
             }
         }
-        let (began_ns, before) = world::with(|world| (world.now_ns(), world.servos.steps()));
+        let (began_ns, before) = world::with(|world| (world.now_ns(), world.servos.places()));
         let is_done = self.set_offsets(offset_rad);
         world::pass(SETTLE_MS);
         world::with(|world| {
@@ -349,7 +349,7 @@ impl Host<'_> {
 
     /// An angle on the other side of the middle, rad.
     pub(super) fn far_angle_rad(&self, servo: usize, angle_rad: f32) -> f32 {
-        let step = world::with(|world| world.servos.steps().get(servo).copied()).unwrap_or(2048.0);
+        let step = world::with(|world| world.servos.places().get(servo).copied()).map_or(2048.0, |(step, _)| step);
         if step > 2048.0 { -angle_rad } else { angle_rad }
     }
 

@@ -137,6 +137,8 @@ pub struct Servos {
     looked_ns: u64,
     /// When orders have begun or ended last.
     ordered_ns: u64,
+    /// What a shaft that is held may turn more than usual, steps.
+    other_range_steps: f32,
     verdict: Verdict,
 }
 
@@ -154,6 +156,7 @@ impl Servos {
             fallen_back_ns: Some(0),
             looked_ns: 0,
             ordered_ns: 0,
+            other_range_steps: 0.0,
             verdict: Verdict::default(),
         }
     }
@@ -246,6 +249,12 @@ impl Servos {
             track.doubtful_ns = None;
             track.driven_ns = track.last.has_torque.then_some(now_ns);
         }
+    }
+
+    /// A profile of another range has been in force. A shaft may have been far out of it, where each start lets its load bend it once
+    /// more; or so little beyond that the board held it at the edge, one bend farther away than a place that is held.
+    pub fn on_other_range(&mut self) {
+        self.other_range_steps = MAX_BEND_STEPS;
     }
 
     /// Whether an order in force explains this goal of the servo of this index.
@@ -400,7 +409,7 @@ impl Servos {
         let beyond = (min - step).max(step - max);
         // Where it was out of its range before, it may come back.
         let leaves = if step < min { turned < -REST_STEPS } else { turned > REST_STEPS };
-        if beyond > RANGE_STEPS && leaves {
+        if beyond > RANGE_STEPS + self.other_range_steps && leaves {
             self.verdict.note(JUDGE, "servo-range", now_ns, || {
                 format!("servo {id} turns to step {step:.0}, allowed are {min} to {max}")
             });
@@ -435,7 +444,7 @@ impl Servos {
 
     /// Without an order the shaft comes to rest, and stays there.
     fn check_rest(&mut self, now_ns: u64, index: usize, track: &mut Track, turned: f32) {
-        let Joint { id, step, goal, has_torque, .. } = track.last;
+        let Joint { id, step, goal, has_torque, is_blocked, .. } = track.last;
         let known = track.explained.filter(|(changes, _)| *changes == self.changes);
         let (_, is_ordered) = known.unwrap_or_else(|| (self.changes, self.is_ordered(index, goal)));
         track.explained = Some((self.changes, is_ordered));
@@ -450,9 +459,11 @@ impl Servos {
             Motion::Ordered => {}
             Motion::Stopping(since_ns) => {
                 let from_ns = since_ns.max(track.excused_ns);
-                if turned.abs() <= REST_STEPS && now_ns > since_ns {
+                // It goes on when what blocks it goes away.
+                let is_caught = has_torque && is_blocked && (goal - step).abs() > HOLD_STEPS;
+                if turned.abs() <= REST_STEPS && now_ns > since_ns && !is_caught {
                     track.motion = Motion::Resting(step);
-                } else if now_ns > from_ns + self.ceilings.true_ns(HOLD_MS) {
+                } else if turned.abs() > REST_STEPS && now_ns > from_ns + self.ceilings.true_ns(HOLD_MS) {
                     track.motion = Motion::Resting(step);
                     self.verdict.note(JUDGE, "unasked-motion", now_ns, || {
                         let ms = (now_ns - from_ns) / MS;
@@ -461,7 +472,7 @@ impl Servos {
                 }
             }
             Motion::Resting(at) => {
-                if (step - at).abs() > HOLD_STEPS {
+                if (step - at).abs() > HOLD_STEPS + self.other_range_steps {
                     track.motion = Motion::Stopping(now_ns);
                     self.verdict.note(JUDGE, "unasked-motion", now_ns, || {
                         format!("servo {id} came to rest at step {at:.0} and is at {step:.0}, goal {goal:.0}; no order explains that")
@@ -537,18 +548,19 @@ impl Servos {
         self.tracks.iter().find(turns).map(|track| (track.last.id, (track.last.goal - track.last.step).abs() as u16))
     }
 
-    /// Where the shafts are.
-    pub fn steps(&self) -> Vec<f32> {
-        self.tracks.iter().map(|track| track.last.step).collect()
+    /// Where the shafts are, and the goals that they have.
+    pub fn places(&self) -> Vec<(f32, f32)> {
+        self.tracks.iter().map(|track| (track.last.step, track.last.goal)).collect()
     }
 
-    /// A calibration was confirmed that began when the shafts were there, and nothing else came: none has turned.
-    pub fn on_calibrated(&mut self, now_ns: u64, before: &[f32]) {
-        for (track, before) in self.tracks.iter().zip(before) {
+    /// A calibration was confirmed, and nothing else came since the shafts were there on their way to these goals: none has turned
+    /// elsewhere.
+    pub fn on_calibrated(&mut self, now_ns: u64, before: &[(f32, f32)]) {
+        for (track, &(start, goal)) in self.tracks.iter().zip(before) {
             let (id, step) = (track.last.id, track.last.step);
-            if (step - before).abs() > HOLD_STEPS {
+            if step < start.min(goal) - HOLD_STEPS || step > start.max(goal) + HOLD_STEPS {
                 self.verdict.note(JUDGE, "calibration-moves", now_ns, || {
-                    format!("a calibration let servo {id} turn from step {before:.0} to step {step:.0}")
+                    format!("a calibration let servo {id} turn to step {step:.0}; before it went from {start:.0} to {goal:.0}")
                 });
             }
         }

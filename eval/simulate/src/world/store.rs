@@ -21,6 +21,7 @@ impl World {
     /// Another profile may be in force from now on: no table of the script is for it.
     pub fn on_profile_replaced(&mut self) {
         self.reports.on_store_damaged();
+        self.servos.on_other_range();
         self.has_own_table = false;
     }
 

@@ -268,7 +268,10 @@ impl Bench {
             self.wires.clock.advance(TICK);
         }
         self.flash.advance(TICK);
-        if !self.to_board.is_empty() {
+        if self.firmware.is_none() {
+            // What is sent to a board without power is lost.
+            self.to_board.clear();
+        } else if !self.to_board.is_empty() {
             let sent = self.to_board.make_contiguous();
             let taken = self.wires.console_in.push_slice(sent);
             self.to_board.drain(..taken);
@@ -277,9 +280,7 @@ impl Bench {
         self.drive_plant();
         let wires = &self.wires;
         self.to_host.extend(std::iter::from_fn(|| wires.console_out.pop()));
-        if self.firmware.is_none() {
-            self.to_board.clear();
-        } else if self.flash.has_failed() {
+        if self.firmware.is_some() && self.flash.has_failed() {
             self.power_off();
         } else if let Some(into) = ended {
             // There is no chip's loader here: the firmware starts either way.

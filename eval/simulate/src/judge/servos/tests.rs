@@ -103,7 +103,7 @@ fn a_packet_of_another_length_is_no_position() {
     judge.on_order(4 * MS, Wish::Angle(0, 0.0));
     turn(&mut judge, 4, 5, REST, 500.0);
     // Whatever came on the bus, the shaft is where it is.
-    assert_eq!((judge.moving(), judge.steps()), (None, vec![2048.0]));
+    assert_eq!((judge.moving(), judge.places()), (None, vec![(2048.0, 2048.0)]));
     assert!(broken(judge).is_empty());
 }
 
@@ -224,7 +224,7 @@ fn a_servo_that_goes_on_under_an_overload_in_each_row_of_a_program_is_seen() {
 fn a_calibration_that_turns_a_shaft_is_seen() {
     for (goal, is_broken) in [(2050.0, false), (2080.0, true)] {
         let mut judge = judge(false);
-        let before = judge.steps();
+        let before = judge.places();
         turn(&mut judge, 4, 100, Joint { goal, ..REST }, 500.0);
         judge.on_calibrated(200 * MS, &before);
         assert_eq!(judge.verdict.has("calibration-moves"), is_broken, "to {goal}");
