@@ -2,7 +2,7 @@
 //!
 //! A client that sends its headers byte by byte, or nothing at all, would hold a connection for ever; many such would keep a
 //! person's stop out. A new connection therefore always gets a place: where all are taken, the one that has waited longest for
-//! a request is closed, and where all have one, that with the oldest request.
+//! a request is closed, and where all have one, that with the oldest request. One that does not read its answer keeps its place until then.
 //!
 //! Two are never closed for a place: one that carried a request of the page with control a moment ago, so that what renews its
 //! control finds a connection open, and one whose stop is not answered yet. Its connection for stops has no place here: it leaves

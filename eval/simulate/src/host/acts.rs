@@ -225,6 +225,8 @@ impl Host<'_> {
         if first == second || !self.is_own_table_at_rest() {
             return;
         }
+        // A word of somebody else waits for the supply until its last load is fed.
+        let waits_ns = u64::from(self.script.arm.budget_ms) * self.script.arm.coils.len() as u64 * 1_000_000;
         // What resets a latch at the end of its time waits for the supply too.
         let loads = |coil| if self.script.arm.pulsed_line(coil).is_some() { 1 } else { 2 };
         let loads = loads(first) + loads(second);
@@ -236,7 +238,8 @@ impl Host<'_> {
         }
         world::pass(SETTLE_MS);
         world::with(|world| {
-            if world.is_undisturbed_since(began_ns) && !world.has_other_acted_since(Party::First, began_ns) {
+            let alone_ns = began_ns.saturating_sub(waits_ns);
+            if world.is_undisturbed_since(began_ns) && !world.has_other_acted_since(Party::First, alone_ns) {
                 world.reports.on_pulses_over(world.now_ns(), world.pins.high());
             }
         });

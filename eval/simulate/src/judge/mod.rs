@@ -69,6 +69,8 @@ pub struct LatchCeiling {
 pub struct SwitchCeiling {
     /// Its coils: the line that holds the coil, or sets the latch; the line that resets it, where it is a latch.
     pub coils: Vec<(u8, Option<u8>)>,
+    /// Its digits, from 0.
+    pub states: u8,
     /// Input of the switch.
     pub input: u8,
     /// Digits in which the switch is closed: bit `d` for digit `d`.

@@ -89,7 +89,9 @@ impl Switches {
                 track.rested_ns.drain(..track.rested_ns.len().saturating_sub(SPANS));
             }
             track.resting_ns = if is_resting { track.resting_ns.or(Some(now_ns)) } else { None };
-            let counts = is_watched && is_wrong && was != 0 && arrived_ns.is_some_and(|at_ns| now_ns >= at_ns);
+            // A latch that somebody has set before is reset for the board: of such a state it knows nothing.
+            let is_state = digit < actuator.states;
+            let counts = is_watched && is_wrong && is_state && was != 0 && arrived_ns.is_some_and(|at_ns| now_ns >= at_ns);
             track.wrong_ns = if counts { track.wrong_ns.or(Some(now_ns)) } else { None };
             if track.wrong_ns.is_some_and(|wrong_ns| now_ns > wrong_ns + self.ceilings.true_ns(NOTICE_MS)) {
                 let (input, seen) = (actuator.input, if is_closed { "closed" } else { "open" });
@@ -173,7 +175,7 @@ mod tests {
     fn judge(reset: Option<u8>) -> Switches {
         let (lines, latches, servos) = ([None; 64], Vec::new(), Vec::new());
         let ceilings = Ceilings { lines, latches, servos, new_loads: 1, budget_ms: 10, refresh_ms: 100, clock_ppm: 0 };
-        let actuator = SwitchCeiling { coils: vec![(0, reset)], input: 3, closed_in: 0b10, travel_ms: 50 };
+        let actuator = SwitchCeiling { coils: vec![(0, reset)], states: 2, input: 3, closed_in: 0b10, travel_ms: 50 };
         Switches::new(ceilings, vec![actuator])
     }
 
