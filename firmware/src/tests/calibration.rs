@@ -87,3 +87,21 @@ fn offsets_that_are_stored_already_are_not_written_again() {
     }
     assert!(bench.cells.is_equal(&before), "the flash was written");
 }
+
+/// The angles of the joints are those of what the next start will read.
+#[test]
+fn offsets_whose_write_failed_are_never_in_force() {
+    let bench = with_servo(0.5);
+    assert_eq!(bench.ask(Request::Calibrate(half_a_radian())), Ok(Answer::Done));
+    let other = Calibration::try_from([-0.5, 0.0, 0.0, 0.0]).unwrap();
+    bench.cells.refuse_writes(true);
+    assert_eq!(bench.ask(Request::Calibrate(other)), Err(Refusal::Storage));
+    bench.cells.refuse_writes(false);
+    for bench in [&bench, &Bench::new(bench.cells.copy())] {
+        bench.connect();
+        bench.shared.see_servo(0, ServoSeen { angle_rad: 0.5, answered: Some(Micros(1)), ..ServoSeen::default() });
+        bench.tick();
+        assert_eq!(bench.ask(Request::Calibration), Ok(Answer::Calibration(Some(half_a_radian()))));
+        assert_eq!(bench.status().servos[0].angle_rad, 0.0);
+    }
+}
