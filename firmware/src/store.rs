@@ -207,10 +207,6 @@ impl<F: NorFlash> Store<F> {
     pub async fn commit(&mut self) -> Result<(), UploadError> {
         let upload = self.upload.take().ok_or(UploadError::NoUpload)?;
         let kind = upload.image.kind;
-        if self.is_profile_lost {
-            // Before a profile says that nothing is lost.
-            self.put_doubled(KEY_NEWEST, self.newest).await?;
-        }
         let stored = self.replace(valid_key(kind), Valid { slot: upload.slot, image: upload.image }).await;
         // After an error only the flash knows whether the record is valid.
         *self.valid_mut(kind) = self.fetch_doubled(valid_key(kind)).await?;

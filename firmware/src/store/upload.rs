@@ -8,7 +8,7 @@ use embedded_storage_async::nor_flash::NorFlash;
 
 use super::Store;
 use super::error::{StorageError, UploadError};
-use super::layout::{RECORDS, SLOT_BYTES, Slot, slot_bytes};
+use super::layout::{KEY_NEWEST, RECORDS, SLOT_BYTES, Slot, slot_bytes};
 
 /// Bytes of an upload that are written at once: a multiple of the flash's word, a divisor of its page.
 pub(super) const BLOCK: usize = 256;
@@ -100,6 +100,10 @@ impl<F: NorFlash> Store<F> {
             Some(upload) if upload.image == image => Ok(upload.next),
             _ => {
                 self.erase_unreadable().await?;
+                if self.is_profile_lost && image.kind == ImageKind::Profile {
+                    // What is lost with it has to be written down before a profile says that nothing is.
+                    self.put_doubled(KEY_NEWEST, self.newest).await?;
+                }
                 let slot = match self.valid(image.kind) {
                     Some(valid) => valid.slot.other(),
                     // The slot that is not erased keeps saying that the board has had a profile.
