@@ -337,8 +337,7 @@ impl<'t> Sequencer<'t> {
     fn release(&mut self) -> Result<(), FaultKind> {
         let before = self.coils.word();
         self.coils.release(self.now)?;
-        // Until the supply has fed all of a word, its first actuators move and the others may: the time of travel begins with the last.
-        self.switches.travel(self.now, self.coils.wanted().differing(&before));
+        self.switches.travel(self.now, self.coils.moved_from(&before));
         Ok(())
     }
 

@@ -34,18 +34,24 @@ fn a_bounce_of_two_ticks_is_no_fault() {
     assert_eq!(bench.run(40).fault(), None);
 }
 
-/// The second valve of the word waits for the supply, while the first one moves already. Both have rested before, in state 0.
-#[test]
-fn a_valve_that_moves_while_the_word_waits_for_the_supply_contradicts_nothing() {
-    let feeds_one = |profile: &mut Profile| profile.supply = SwitchLimit { new_coils: 1, window_ms: 60 };
+/// Two valves that have rested in state 0 after they moved, on a supply that feeds one of them each 60 ms.
+fn fed_one_at_a_time() -> Bench {
+    let supply = SwitchLimit { new_coils: 1, window_ms: 60 };
     let mut records = two_valves(&[row(0, "10"), end(90)]);
     let Some(Record::Start { switch_limit, .. }) = records.first_mut() else { unreachable!() };
-    *switch_limit = SwitchLimit { new_coils: 1, window_ms: 60 };
-    let mut bench = Bench::with(&records, feeds_one);
+    *switch_limit = supply;
+    let mut bench = Bench::with(&records, |profile| profile.supply = supply);
     for coil in [0, 1] {
         bench.command(Command::Coil { coil, on_ms: 30 }).unwrap();
         bench.run(100);
     }
+    bench
+}
+
+/// The second one waits for the supply.
+#[test]
+fn a_valve_that_moves_while_the_word_waits_for_the_supply_contradicts_nothing() {
+    let mut bench = fed_one_at_a_time();
     bench.command(Command::Word("11".parse().unwrap())).unwrap();
     assert_eq!(bench.run(50).outputs.lines, 0b01);
     assert_eq!(bench.run(40).outputs.lines, 0b11);
@@ -55,5 +61,17 @@ fn a_valve_that_moves_while_the_word_waits_for_the_supply_contradicts_nothing() 
     bench.seen.switches = 0b10;
     bench.run(5);
     let expected = FaultKind::Switch { actuator: ActuatorId(0), expected_closed: true, seen_closed: false };
+    assert_eq!(bench.fault(), Some(expected));
+}
+
+/// It is still as the word of before says.
+#[test]
+fn a_valve_that_the_supply_has_not_fed_yet_is_watched() {
+    let mut bench = fed_one_at_a_time();
+    bench.command(Command::Word("11".parse().unwrap())).unwrap();
+    bench.run(5).follows = false;
+    bench.seen.switches = 0b11;
+    bench.run(5);
+    let expected = FaultKind::Switch { actuator: ActuatorId(1), expected_closed: false, seen_closed: true };
     assert_eq!(bench.fault(), Some(expected));
 }
