@@ -357,7 +357,7 @@ impl World {
                 self.servos.on_latched(now_ns);
             }
         }
-        if self.arm.min_supply_mv.is_some() && self.is_in_force() {
+        if self.arm.min_supply_mv.is_some() && self.is_running() {
             self.look_at_supply(now_ns);
         }
         let broken = self.bench.plant().broken();
@@ -402,7 +402,7 @@ impl World {
 
     /// Under a low supply nothing is driven: the board has latched the safe state.
     fn look_at_supply(&mut self, now_ns: u64) {
-        if self.board_supply.look(now_ns, self.is_supply_low) {
+        if self.board_supply.look(now_ns, self.is_supply_low, self.is_in_force()) {
             self.servos.on_latched(now_ns);
             self.pins.on_forbidden(now_ns, "low-supply", "while the supply of the board is low");
         }

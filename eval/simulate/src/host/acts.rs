@@ -18,6 +18,8 @@ use crate::world::{self, ALL_SWITCHES, Party};
 
 /// No program of a script lasts longer, s.
 const LONGEST_PROGRAM_S: u32 = 25;
+/// The longest time of a coil in a script, ns.
+const LONGEST_ON_NS: u64 = 3_000_000_000;
 /// One use of an output that is to be used up, ms: below the shortest limit of on-time.
 const USE_MS: u32 = 400;
 /// After one use and this time every output may have its next peak, ms.
@@ -211,6 +213,8 @@ impl Host<'_> {
         world::pass(SETTLE_MS);
         world::with(|world| {
             let rises = world.pins.rises(line) - before;
+            let alone_ns = began_ns.saturating_sub(self.supplied_ns());
+            let has_supply = has_supply && !world.has_other_acted_since(Party::First, alone_ns);
             let undisturbed = has_supply && world.is_undisturbed_since(began_ns);
             let pulse = Pulse { ending, rises, undisturbed };
             if !world.has_other_acted_since(Party::First, began_ns) {
@@ -219,14 +223,19 @@ impl Host<'_> {
         });
     }
 
+    /// For this time after a command of somebody else its loads may still take the supply: those of a word wait for each other, and a
+    /// latch is reset at the end of its time.
+    fn supplied_ns(&self) -> u64 {
+        let arm = &self.script.arm;
+        LONGEST_ON_NS + u64::from(arm.budget_ms) * arm.coils.len() as u64 * 1_000_000
+    }
+
     /// Two coils at once, the second for a shorter time.
     pub(super) fn two_pulses(&mut self, first: u8, second: u8) {
         let began_ns = world::with(|world| world.now_ns());
         if first == second || !self.is_own_table_at_rest() {
             return;
         }
-        // A word of somebody else waits for the supply until its last load is fed.
-        let waits_ns = u64::from(self.script.arm.budget_ms) * self.script.arm.coils.len() as u64 * 1_000_000;
         // What resets a latch at the end of its time waits for the supply too.
         let loads = |coil| if self.script.arm.pulsed_line(coil).is_some() { 1 } else { 2 };
         let loads = loads(first) + loads(second);
@@ -238,7 +247,7 @@ impl Host<'_> {
         }
         world::pass(SETTLE_MS);
         world::with(|world| {
-            let alone_ns = began_ns.saturating_sub(waits_ns);
+            let alone_ns = began_ns.saturating_sub(self.supplied_ns());
             if world.is_undisturbed_since(began_ns) && !world.has_other_acted_since(Party::First, alone_ns) {
                 world.reports.on_pulses_over(world.now_ns(), world.pins.high());
             }
@@ -315,7 +324,9 @@ impl Host<'_> {
                 world.judge_stopped(Party::First, began_ns, true);
             });
         }
-        world::with(|world| world.send_commands_of_before(link, seed, began_ns));
+        if let Some(link) = link {
+            world::with(|world| world.send_commands_of_before(link, seed, began_ns));
+        }
         world::pass(SETTLE_MS);
         if form == StopForm::Input {
             world::with(|world| world.press_emergency_stop(false));

@@ -50,11 +50,21 @@ impl BoardSupply {
         self.low.clear();
     }
 
-    /// The end of a tick in which the firmware ran under its profile; whether nothing may be driven.
-    pub fn look(&mut self, now_ns: u64, is_low: bool) -> bool {
+    /// The end of a tick in which the firmware ran; whether nothing may be driven. `is_in_force`: its profile is in force for certain, as it
+    /// may be before.
+    pub fn look(&mut self, now_ns: u64, is_low: bool, is_in_force: bool) -> bool {
+        if is_low {
+            match self.spans_ns.last_mut().filter(|(_, end_ns)| *end_ns + 2 * MS > now_ns) {
+                Some((_, end_ns)) => *end_ns = now_ns,
+                None => self.spans_ns.push((now_ns.saturating_sub(MS), now_ns)),
+            }
+        }
+        if !is_in_force {
+            return false;
+        }
         self.ticks += 1;
         if is_low {
-            self.note_low(now_ns);
+            self.note_low();
         } else {
             self.in_a_row = 0;
             if self.low.is_empty() {
@@ -69,15 +79,11 @@ impl BoardSupply {
         self.in_a_row >= LOW_TICKS || low > MAX_LOW_TICKS
     }
 
-    fn note_low(&mut self, now_ns: u64) {
+    fn note_low(&mut self) {
         self.in_a_row += 1;
         match self.low.back_mut().filter(|(_, end)| *end + 1 == self.ticks) {
             Some((_, end)) => *end = self.ticks,
             None => self.low.push_back((self.ticks - 1, self.ticks)),
-        }
-        match self.spans_ns.last_mut().filter(|_| self.in_a_row > 1) {
-            Some((_, end_ns)) => *end_ns = now_ns,
-            None => self.spans_ns.push((now_ns.saturating_sub(MS), now_ns)),
         }
     }
 
@@ -124,7 +130,7 @@ mod tests {
         for (index, span_ms) in spans_ms.iter().enumerate() {
             for _ in 0..*span_ms {
                 now_ms += 1;
-                is_off = judge.look(now_ms * MS, index % 2 == 0);
+                is_off = judge.look(now_ms * MS, index % 2 == 0, true);
             }
         }
         is_off
@@ -145,10 +151,10 @@ mod tests {
         let mut judge = judge();
         assert!(must_be_off(&mut judge, &[300, 10]));
         judge.on_cleared();
-        assert!(!judge.look(311 * MS, false));
+        assert!(!judge.look(311 * MS, false, true));
         assert!(must_be_off(&mut judge, &[100]));
         judge.on_cleared();
-        assert!(judge.look(412 * MS, true));
+        assert!(judge.look(412 * MS, true, true));
     }
 
     #[test]

@@ -23,6 +23,8 @@ pub struct Person {
     ceilings: Ceilings,
     is_closed: bool,
     since_ns: u64,
+    /// When the press began that lasts, or would if the contact only bounced.
+    pressed_ns: Option<u64>,
     /// From when to when presses counted; the last may still be open.
     presses: Vec<(u64, u64)>,
     /// Digests of profiles that may be in force.
@@ -41,6 +43,7 @@ impl Person {
             ceilings,
             is_closed: true,
             since_ns: 0,
+            pressed_ns: None,
             presses: Vec::new(),
             allowed: vec![profile, [0; 32]],
             commits: Vec::new(),
@@ -56,9 +59,13 @@ impl Person {
         }
         // The board sees a contact a tick later, and may take it for open a tick longer.
         let was_open_ns = now_ns - self.since_ns + TICK_MS * MS;
-        if is_closed && was_open_ns >= self.ceilings.true_ns(OPEN_MS) {
-            let end_ns = now_ns + self.ceilings.true_ns(PRESS_MS + TICK_MS);
-            self.presses.push((now_ns, end_ns));
+        if is_closed {
+            if was_open_ns >= self.ceilings.true_ns(OPEN_MS) {
+                self.pressed_ns = Some(now_ns);
+            }
+            if let Some(start_ns) = self.pressed_ns {
+                self.presses.push((now_ns, start_ns + self.ceilings.true_ns(PRESS_MS + TICK_MS)));
+            }
         }
         if !is_closed && let Some((_, end_ns)) = self.presses.last_mut() {
             *end_ns = (*end_ns).min(now_ns + TICK_MS * MS);
@@ -71,7 +78,7 @@ impl Person {
         if let Some((_, end_ns)) = self.presses.last_mut() {
             *end_ns = (*end_ns).min(now_ns);
         }
-        (self.is_closed, self.since_ns) = (true, now_ns);
+        (self.is_closed, self.since_ns, self.pressed_ns) = (true, now_ns, None);
     }
 
     /// Whether somebody pressed the button at some time of a span.
@@ -163,6 +170,7 @@ mod tests {
         assert!(!may_commit(&[(0, false), (400, true), (450, false)], 500), "released");
         assert!(!may_commit(&[(0, false), (400, true)], 60_500), "held for more than a minute");
         assert!(!may_commit(&[(390, false), (400, true)], 500), "a loose jumper");
+        assert!(may_commit(&[(0, false), (400, true), (490, false), (495, true)], 500), "a bounce");
     }
 
     #[test]

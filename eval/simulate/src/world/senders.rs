@@ -138,10 +138,9 @@ impl World {
         ended().rev().nth(back % count.max(1)).copied()
     }
 
-    /// How the connection that a host used last was opened.
-    pub fn host_link(&self) -> Opened {
-        let none = Opened { link: self.host_link, challenge: 0, at_ns: 0 };
-        self.links.iter().rev().find(|opened| opened.link == self.host_link).copied().unwrap_or(none)
+    /// How the connection that a host used last was opened; `None` where that is still to come.
+    pub fn host_link(&self) -> Option<Opened> {
+        self.links.iter().rev().find(|opened| opened.link == self.host_link).copied()
     }
 
     /// The hostile sender sends.
