@@ -29,21 +29,13 @@ impl<'a, V: Serialize + Deserialize<'a>> Value<'a> for Doubled<V> {
     }
 }
 
-fn newer<V>([first, second]: [Option<Doubled<V>>; 2]) -> Option<Doubled<V>> {
-    match (first, second) {
-        (Some(first), Some(second)) => Some(if first.version < second.version { second } else { first }),
-        (first, second) => first.or(second),
-    }
-}
-
 impl<F: NorFlash> Store<F> {
     /// The newest record; `None` also where that one is lost and an older one is left.
     pub(super) async fn fetch_doubled<V>(&mut self, key: u8) -> Result<Option<V>, StorageError>
     where
         V: Serialize + for<'a> Deserialize<'a>,
     {
-        let copies = self.copies(key).await?;
-        Ok(self.newest_of(key, copies).map(|doubled| doubled.value))
+        Ok(self.newest_copy(key).await?.map(|doubled| doubled.value))
     }
 
     /// Writes a record again where one copy is damaged or older: after a power cut, for example. The other copy is good: what cannot be
@@ -52,28 +44,36 @@ impl<F: NorFlash> Store<F> {
     where
         V: Copy + PartialEq + Serialize + for<'a> Deserialize<'a>,
     {
-        let Ok(copies) = self.copies::<V>(key).await else { return };
-        let Some(newest) = self.newest_of(key, copies) else { return };
-        for (key, copy) in [key, key | SECOND].into_iter().zip(copies) {
-            if copy != Some(newest) {
+        let Ok(Some(newest)) = self.newest_copy::<V>(key).await else { return };
+        for key in [key, key | SECOND] {
+            if self.fetch(key).await != Ok(Some(newest)) {
                 let _ = self.put(key, &newest).await;
             }
         }
     }
 
     /// The newer one of two copies, unless a newer one than both was written.
-    fn newest_of<V>(&mut self, key: u8, copies: [Option<Doubled<V>>; 2]) -> Option<Doubled<V>> {
-        let version = self.newest.version(key);
-        let newest = newer(copies).filter(|newer| newer.version >= *version)?;
-        *version = newest.version;
-        Some(newest)
-    }
-
-    async fn copies<V>(&mut self, key: u8) -> Result<[Option<Doubled<V>>; 2], StorageError>
+    async fn newest_copy<V>(&mut self, key: u8) -> Result<Option<Doubled<V>>, StorageError>
     where
         V: Serialize + for<'a> Deserialize<'a>,
     {
-        Ok([self.fetch(key).await?, self.fetch(key | SECOND).await?])
+        let newer = self.newer_copy::<V>(key).await?;
+        let version = self.newest.version(key);
+        Ok(newer.filter(|newer| newer.version >= *version).inspect(|newest| *version = newest.version))
+    }
+
+    async fn newer_copy<V>(&mut self, key: u8) -> Result<Option<Doubled<V>>, StorageError>
+    where
+        V: Serialize + for<'a> Deserialize<'a>,
+    {
+        let mut newer = None;
+        for key in [key, key | SECOND] {
+            let copy = self.fetch(key).await?;
+            if version_of(&newer) < version_of(&copy) {
+                newer = copy;
+            }
+        }
+        Ok(newer)
     }
 
     /// Replaces a record, and writes down that it is the newest.
@@ -92,11 +92,16 @@ impl<F: NorFlash> Store<F> {
         V: Serialize + for<'a> Deserialize<'a>,
     {
         // What cannot be read is replaced. A copy that a power cut left alone is newer than the newest that is known.
-        let left = self.copies::<V>(key).await.ok().and_then(newer).map_or(0, |left| left.version);
+        let left = self.newer_copy::<V>(key).await.map_or(0, |left| version_of(&left));
         let version = left.max(*self.newest.version(key)).saturating_add(1);
         let doubled = Doubled { value, version };
         self.put(key, &doubled).await?;
         self.put(key | SECOND, &doubled).await?;
         Ok(version)
     }
+}
+
+/// 0 for none.
+fn version_of<V>(copy: &Option<Doubled<V>>) -> u32 {
+    copy.as_ref().map_or(0, |copy| copy.version)
 }
