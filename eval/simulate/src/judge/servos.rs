@@ -29,9 +29,9 @@ const UNDER_WAY_STEPS: f32 = 65.0;
 const REST_STEPS: f32 = 0.01;
 /// After an order has ended the shaft rests within this time, ms: docs/safety.md, with three silent servos on the bus.
 const HOLD_MS: u64 = 100;
-/// Where something was wrong with the bus, or the board just started, that time begins so much later, ms: records are written
-/// first, which on a chip that erases 4 KiB at once lets nothing run for 400 ms.
-const START_MS: u64 = 600;
+/// After a start this time is so much longer, ms: the profile is read first, which takes up to 30 ms. Nothing is written before the servos
+/// have their orders.
+const START_MS: u64 = 250;
 /// A silent servo is noticed within this time after its time-out, in board time: two ticks.
 const NOTICE_MS: u64 = 3;
 /// After this time without an answer of a servo on its way the flash is written all the same, ms: docs/safety.md.
