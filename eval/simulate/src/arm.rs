@@ -25,6 +25,8 @@ const LAST_SHARE: f32 = 0.9;
 const LAST_END_MS: u32 = 2;
 /// The board promises to shift unchanged lines again so often, ms.
 const REFRESH_MS: u32 = 100;
+/// The longest time of a coil in a script, ns.
+const LONGEST_ON_NS: u64 = 3_000_000_000;
 
 /// How a coil uses its lines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -161,6 +163,12 @@ impl ArmPlan {
         });
         let (latches, new_loads, budget_ms) = (latches.collect(), self.new_loads, self.budget_ms.into());
         Ceilings { lines, latches, servos, new_loads, budget_ms, refresh_ms: REFRESH_MS, clock_ppm }
+    }
+
+    /// For this time after a command its loads may still take the supply, ns: those of a word wait for each other, and a latch is reset at
+    /// the end of its time.
+    pub fn supplied_ns(&self) -> u64 {
+        LONGEST_ON_NS + u64::from(self.budget_ms) * self.coils.len() as u64 * 1_000_000
     }
 
     /// The limit switches, for the judge.

@@ -18,8 +18,6 @@ use crate::world::{self, ALL_SWITCHES, Party};
 
 /// No program of a script lasts longer, s.
 const LONGEST_PROGRAM_S: u32 = 25;
-/// The longest time of a coil in a script, ns.
-const LONGEST_ON_NS: u64 = 3_000_000_000;
 /// One use of an output that is to be used up, ms: below the shortest limit of on-time.
 const USE_MS: u32 = 400;
 /// After one use and this time every output may have its next peak, ms.
@@ -213,7 +211,7 @@ impl Host<'_> {
         world::pass(SETTLE_MS);
         world::with(|world| {
             let rises = world.pins.rises(line) - before;
-            let alone_ns = began_ns.saturating_sub(self.supplied_ns());
+            let alone_ns = began_ns.saturating_sub(self.script.arm.supplied_ns());
             let has_supply = has_supply && !world.has_other_acted_since(Party::First, alone_ns);
             let undisturbed = has_supply && world.is_undisturbed_since(began_ns);
             let pulse = Pulse { ending, rises, undisturbed };
@@ -221,13 +219,6 @@ impl Host<'_> {
                 world.reports.on_pulse(world.now_ns(), pulse);
             }
         });
-    }
-
-    /// For this time after a command of somebody else its loads may still take the supply: those of a word wait for each other, and a
-    /// latch is reset at the end of its time.
-    fn supplied_ns(&self) -> u64 {
-        let arm = &self.script.arm;
-        LONGEST_ON_NS + u64::from(arm.budget_ms) * arm.coils.len() as u64 * 1_000_000
     }
 
     /// Two coils at once, the second for a shorter time.
@@ -247,7 +238,7 @@ impl Host<'_> {
         }
         world::pass(SETTLE_MS);
         world::with(|world| {
-            let alone_ns = began_ns.saturating_sub(self.supplied_ns());
+            let alone_ns = began_ns.saturating_sub(self.script.arm.supplied_ns());
             if world.is_undisturbed_since(began_ns) && !world.has_other_acted_since(Party::First, alone_ns) {
                 world.reports.on_pulses_over(world.now_ns(), world.pins.high());
             }
@@ -347,11 +338,12 @@ impl Host<'_> {
             return;
         }
         // Half of them on the connection in use, after one more stop.
-        if seed & 1 == 1 && self.ask("stop", Client::stop_at_once).is_none() {
-            return;
-        }
         if seed & 1 == 1 {
-            world::with(|world| world.on_stop(world.now_ns()));
+            let began_ns = world::with(|world| world.now_ns());
+            if self.ask("stop", Client::stop_at_once).is_none() {
+                return;
+            }
+            world::with(|world| world.on_stop(began_ns));
         }
         world::with(|world| {
             if let Some(opened) = world.ended_link(seed >> 1) {

@@ -15,6 +15,8 @@ pub const MAX_BEND_STEPS: f32 = 5.0;
 /// the goal, which bends it again (5), at rest under the bend of before (5), plus rounding (2) and, at the largest speed of a
 /// script (3 rad/s), what it turns in 2 ms from the answer to the order (4).
 const HOLD_STEPS: f32 = 16.0;
+/// Answers that are damaged in a row, and that each can be, may take the place to hold this much farther away, steps: docs/safety.md.
+const DAMAGED_STEPS: f32 = 8.0;
 /// A position that a servo turning at speed has reported is this old when it becomes the goal, ms: two visits and their answers.
 const READ_AGE_MS: u64 = 25;
 /// A shaft may be beyond its range by its bend, which takes it from a goal at the edge, and by the rounding of that goal, 1 step. A hold
@@ -107,6 +109,8 @@ struct Track {
     driven_ns: Option<u64>,
     /// When its bus was last disturbed, or the board could say nothing to it.
     excused_ns: u64,
+    /// Its answers or orders may have been damaged since an order moved it last.
+    was_unheard: bool,
     /// Since when it turns and reports an overload.
     overloaded_ns: Option<u64>,
     /// The end of its last motion under torque, ns.
@@ -282,6 +286,7 @@ impl Servos {
                     answered_ns: None,
                     driven_ns: None,
                     excused_ns: 0,
+                    was_unheard: false,
                     overloaded_ns: None,
                     moved_ns: None,
                     explained: None,
@@ -313,6 +318,7 @@ impl Servos {
         if !joint.is_heard || !is_powered {
             track.excused_ns = track.excused_ns.max(now_ns);
         }
+        track.was_unheard |= !joint.is_heard;
         let gets_torque = joint.has_torque && !before.has_torque;
         if !joint.has_torque {
             track.driven_ns = None;
@@ -449,7 +455,7 @@ impl Servos {
         let (_, is_ordered) = known.unwrap_or_else(|| (self.changes, self.is_ordered(index, goal)));
         track.explained = Some((self.changes, is_ordered));
         if has_torque && is_ordered {
-            track.motion = Motion::Ordered;
+            (track.motion, track.was_unheard) = (Motion::Ordered, !track.last.is_heard);
             return;
         }
         if track.motion == Motion::Ordered {
@@ -472,7 +478,8 @@ impl Servos {
                 }
             }
             Motion::Resting(at) => {
-                if (step - at).abs() > HOLD_STEPS + self.other_range_steps {
+                let damaged_steps = if track.was_unheard { DAMAGED_STEPS } else { 0.0 };
+                if (step - at).abs() > HOLD_STEPS + self.other_range_steps + damaged_steps {
                     track.motion = Motion::Stopping(now_ns);
                     self.verdict.note(JUDGE, "unasked-motion", now_ns, || {
                         format!("servo {id} came to rest at step {at:.0} and is at {step:.0}, goal {goal:.0}; no order explains that")

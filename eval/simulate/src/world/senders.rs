@@ -105,8 +105,8 @@ impl World {
         self.bench.send(bytes);
     }
 
-    /// A host sends commands on a connection that a stop has ended: nothing may come of them. Where the hostile sender has sent since
-    /// `rest_ns`, its program may be on its way to the first row; lines that are on already are somebody else's.
+    /// A host sends commands on a connection that a stop has ended: nothing may come of them. Where somebody else has sent since
+    /// `rest_ns`, that program may be on its way to a row; lines that are on already are somebody else's.
     pub fn send_commands_of_before(&mut self, opened: Opened, seed: u64, rest_ns: u64) {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let Sent { bytes, what } = hostile::commands_of_before(&mut rng, opened.link, opened.challenge, &self.arm);
@@ -114,7 +114,7 @@ impl World {
         self.say("world", || format!("{what}, opened at {at_ms} ms with challenge {challenge:x}"));
         self.arrive(Party::Hostile, &bytes);
         self.bench.send(&bytes);
-        if self.hostile_ns.is_none_or(|sent_ns| sent_ns < rest_ns) && self.pins.high() == 0 {
+        if !self.has_other_acted_since(Party::First, rest_ns) && self.pins.high() == 0 {
             let now_ns = self.now_ns();
             self.quiet_ns = Some((now_ns, now_ns + 300_000_000));
         }
