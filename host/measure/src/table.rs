@@ -40,7 +40,7 @@ use darm_robot::source::Fault;
 use super::column::Column;
 use super::csv::content;
 use super::error::{ReadError, SelectError};
-use super::unit::{Unit, split_ours};
+use super::unit::{self, Unit, split_ours};
 use super::{Finding, FindingKind};
 
 /// A table.
@@ -66,18 +66,14 @@ fn with_plain_ends(text: &[u8]) -> Vec<u8> {
     (0..text.len()).filter(at).map(|k| text[k]).collect()
 }
 
-/// A column of time whose name has no unit, and whose numbers are too large for seconds since 1970, is brought to seconds;
-/// says so.
+/// A column of time whose name has no unit, and whose numbers are not seconds by their size, is brought to seconds; says so.
 fn time_without_unit(column: &mut Column) -> Option<Finding> {
     let is_time = column.meaning() == "time" && column.unit.is_empty();
-    let largest = column.numbers.iter().copied().filter(|number| number.is_finite()).fold(0.0, f64::max);
-    // Of the years 2001 to 2286.
-    let sizes = [("ns", 1e18, 1e9), ("us", 1e15, 1e6), ("ms", 1e12, 1e3)];
-    let (unit, _, per_second) = *sizes.iter().find(|(_, smallest, _)| is_time && largest > *smallest)?;
-    column.numbers.iter_mut().for_each(|number| *number /= per_second);
+    let unit = Some(unit::of_times(&column.numbers)).filter(|unit| is_time && unit.name != "s")?;
+    column.numbers.iter_mut().for_each(|number| *number = unit.to_si(*number));
     column.unit = "s";
     let name = &column.name;
-    let text = format!("{name} has no unit; by the size of its numbers it is time in {unit}");
+    let text = format!("{name} has no unit; by the size of its numbers it is time in {}", unit.name);
     Some(Finding::note(FindingKind::SuspectedUnit, text).in_column(name))
 }
 

@@ -1,5 +1,7 @@
 //! Units in which columns are written, by this program and by others.
 
+use crate::median;
+
 /// What a unit measures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Dimension {
@@ -277,6 +279,18 @@ pub(crate) fn text(name: &str) -> Option<&str> {
     Some(end.trim_matches(|c: char| c.is_whitespace() || "[]()<>_/".contains(c)))
 }
 
+/// The unit of time stamps by their size: since 1970 of the years 2001 to 2286; of numbers that rise by a million and more, which is a
+/// row in twelve days of s, ns; else s.
+pub(crate) fn of_times(numbers: &[f64]) -> Unit {
+    const NANOSECONDS_A_ROW: f64 = 1e6;
+    let largest = numbers.iter().copied().filter(|number| number.is_finite()).fold(0.0, f64::max);
+    let steps = numbers.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0);
+    let is_fast = median(steps).is_some_and(|step| step >= NANOSECONDS_A_ROW);
+    let unit = ["ns", "us", "ms"].into_iter().zip([1e18, 1e15, 1e12]).find(|(_, min)| largest > *min);
+    let unit = unit.map_or(if is_fast { "ns" } else { "s" }, |(unit, _)| unit);
+    Unit::named(unit).expect("these units are known")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -328,6 +342,17 @@ mod tests {
         }
         let [load, acceleration] = [split_ours("load_g").1, Unit::named("g")].map(Option::unwrap);
         assert_eq!((load.to_si(500.0), load.si(), acceleration.si()), (0.5, "kg", "m/s²"));
+    }
+
+    #[test]
+    fn time_stamps_have_the_unit_of_their_size() {
+        let unit = |numbers: &[f64]| of_times(numbers).name;
+        assert_eq!(unit(&[0.0, 0.01, 0.02]), "s");
+        assert_eq!(unit(&[1.7e9, 1.7e9 + 0.01]), "s");
+        assert_eq!(unit(&[1.7e12, 1.7e12 + 10.0]), "ms");
+        assert_eq!(unit(&[1.7e18, 1.7e18 + 1e7]), "ns");
+        // Since the start, 50 rows a second.
+        assert_eq!(unit(&[31_951_500_000.0, 31_971_500_000.0]), "ns");
     }
 
     #[test]

@@ -98,7 +98,7 @@ pub fn time_column(part: &Part) -> Option<(usize, Unit)> {
 /// The unit of a column that is time by its name.
 pub(crate) fn time_unit(column: &Column) -> Option<Unit> {
     let (base, unit) = time_name(column);
-    let unit = unit.unwrap_or_else(|| of_size(column));
+    let unit = unit.unwrap_or_else(|| unit::of_times(&column.numbers));
     (TIMES.contains(&base.as_str()) && unit.dimension() == "time" && column.is_numeric()).then_some(unit)
 }
 
@@ -114,20 +114,6 @@ fn time_name(column: &Column) -> (String, Option<Unit>) {
     // The unit of a column such as `sec` is its name.
     let unit = Unit::named(column.unit.as_deref().unwrap_or("")).or(unit).or_else(|| Unit::named(&base));
     (base, unit)
-}
-
-/// The unit of time stamps by their size: since 1970 of the years 2001 to 2100; of integers that rise by a million and more,
-/// which is a row in twelve days of s, ns; else s.
-fn of_size(column: &Column) -> Unit {
-    const NANOSECONDS_A_ROW: f64 = 1e6;
-    let largest = column.range().map_or(0.0, |[_, high]| high);
-    let mut steps: Vec<f64> =
-        column.numbers.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0).collect();
-    steps.sort_by(f64::total_cmp);
-    let is_fast = steps.get(steps.len() / 2).is_some_and(|step| *step >= NANOSECONDS_A_ROW);
-    let unit = ["ns", "us", "ms"].into_iter().zip([1e18, 1e15, 1e12]).find(|(_, min)| largest > *min);
-    let unit = unit.map_or(if is_fast { "ns" } else { "s" }, |(unit, _)| unit);
-    Unit::named(unit).expect("these units are known")
 }
 
 /// A mapping of all columns; columns whose meaning is not known keep their names.
