@@ -35,8 +35,12 @@ pub(super) fn check_times(table: &Table, time_s: &[f64]) -> Result<(), PrepareEr
     // Where no column has any, the first that is needed is the better answer.
     let has_numbers = table.columns.iter().any(|column| column.numbers.iter().any(|number| number.is_finite()));
     if has_numbers && time_s.iter().all(|time_s| time_s.is_nan()) {
-        let text = "the column of time has no numbers; dates and times of day are read by darm import";
-        return Err(PrepareError::Nothing(text.into()));
+        let (file, converted) = (table.path.display(), table.path.with_extension("table.csv"));
+        let text = format!(
+            "the column of time has no numbers; convert dates and times of day with `darm import {file} -o {}`",
+            converted.display()
+        );
+        return Err(PrepareError::Nothing(text));
     }
     if steps > 0 && forward == 0 && time_s.iter().all(|time_s| time_s.is_finite()) {
         return Err(PrepareError::Nothing(format!("time never increases; {cure}")));
