@@ -21,7 +21,7 @@ use crate::judge::regression::of_axis;
 use crate::judge::selected::{SelectedPoses, SelectedSignals};
 use crate::linearise::model::Model;
 use crate::linearise::model_effects::{self, ModelEffect};
-use crate::outcome::{Dependence, Diagnosis};
+use crate::outcome::{Dependence, Diagnosis, Misreading, Number, OtherReading};
 use crate::prepare::observations::{NoPose, Observations};
 use crate::prepare::repeatability::{self, Noise};
 use crate::prepare::run_findings;
@@ -31,6 +31,7 @@ use crate::rejection::{self, Rejection, is_of_one_law};
 use crate::report::{self, Summary, sentences};
 use crate::select::cross_validation::folds;
 use crate::select::forward::{Selection, forward_selection};
+use crate::select::problem::{RegressionProblem as _, Trial};
 use crate::select::significance::Levels;
 use crate::select::tool_pose::{NoTrial, ToolPoses};
 use darm_arm::arm::{Arm, ArmScratch};
@@ -99,13 +100,21 @@ pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Outcome<ArmCo
     let problem = prepare_poses(arm, run, repeats.as_ref().filter(|noise| noise.is_known()), options)?;
     let start = problem.fitted(&arm.model).map_err(no_trial)?;
     options.progress.enter(Stage::Select)?;
-    let agreement = agreement::poses::agreement(arm, run, &options.progress)?;
-    let Selection { best, rivals, path } = match &agreement {
-        Agreement::Otherwise(_) => Selection { best: start.clone(), rivals: Vec::new(), path: Vec::new() },
+    let mut agreement = agreement::poses::agreement(arm, run, &options.progress)?;
+    let nothing = || Selection { best: start.clone(), rivals: Vec::new(), path: Vec::new() };
+    let mut selection = match &agreement {
+        Agreement::Otherwise(_) => nothing(),
         Agreement::AsRead | Agreement::Hardly(_) => {
             forward_selection(&problem, start.clone(), Vec::new()).map_err(no_trial)?
         }
     };
+    if doubt.is_some()
+        && agreement.other_reading().is_none()
+        && let Some(reading) = read_in_fahrenheit(arm, run, (&problem, &selection.best), options)?
+    {
+        (agreement, selection) = (Agreement::Otherwise(reading), nothing());
+    }
+    let Selection { best, rivals, path } = selection;
     options.progress.enter(Stage::Judge)?;
     let repeatability = repeats.as_ref();
     let selected = SelectedPoses { arm, run, problem: &problem, repeatability, best: &best, agreement: &agreement };
@@ -126,6 +135,31 @@ pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Outcome<ArmCo
         with_terms,
     };
     Ok(Outcome { diagnosis, correction })
+}
+
+/// Temperatures as degrees Fahrenheit, where no more effects then predict unseen rows better than those selected in °C.
+fn read_in_fahrenheit(
+    arm: &Arm,
+    run: &Run,
+    (problem, best): (&ToolPoses, &Trial<ToolPoses>),
+    options: &Options,
+) -> Result<Option<OtherReading>, DiagnoseError> {
+    let no_trial = |none| no_trial(run, none);
+    let read = run_findings::in_fahrenheit(run);
+    // In units of the same noise, so that both can be compared.
+    let sigma = problem.training.sigma;
+    let noise = Noise { sigma, dof: repeatability::MIN_DOF, distance_m: 0.0, is_rounded: false };
+    let other = prepare_poses(arm, &read, Some(&noise), options)?;
+    let start = other.fitted(&arm.model).map_err(no_trial)?;
+    let Selection { best: with, .. } = forward_selection(&other, start, Vec::new()).map_err(no_trial)?;
+    let n_effects = |trial: &Trial<ToolPoses>| trial.fit.model.effects.len();
+    let is_better = problem.under(best).reduction(best, &with).p < options.levels.discovery;
+    let reading = OtherReading {
+        misreading: Misreading::Fahrenheit,
+        as_read: Some(Number::new(best.error, "m")),
+        error: Number::new(with.error, "m"),
+    };
+    Ok((is_better && n_effects(&with) <= n_effects(best)).then_some(reading))
 }
 
 /// Takes the intervals from what grows with a temperature whose unit is in doubt: they hold in one unit only.

@@ -66,6 +66,8 @@ pub enum Misreading {
     InvertedAngles,
     /// The angles of the poses are radians, and read as degrees.
     AnglesInRadians,
+    /// Temperatures are in degrees Fahrenheit, and read as °C.
+    Fahrenheit,
     /// The pose of the base in the tool was measured, not that of the tool in the base.
     InvertedPoses,
     /// Lengths are in another unit, or the model is of another size.
@@ -168,6 +170,7 @@ impl fmt::Display for Misreading {
                 write!(f, "the frame of the poses is left-handed: {axis} has the other sign, in the turns too")
             }
             Self::InvertedAngles => write!(f, "the angles have the other sign"),
+            Self::Fahrenheit => write!(f, "the temperatures are in degrees Fahrenheit (°C are (x - 32) / 1.8)"),
             Self::AnglesInRadians => write!(f, "the angles of the poses are in rad, and read as deg"),
             Self::InvertedPoses => write!(f, "the poses are those of the base in the tool"),
             Self::LengthScale { factor } => {

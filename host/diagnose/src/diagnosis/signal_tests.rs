@@ -15,7 +15,7 @@ use crate::outcome::{ErrorFigure, Errors, RepeatedIn, Verdict};
 use crate::prepare::groups::Groups;
 use crate::prepare::signals::Prepared;
 use crate::select::factored::{Factored, judged};
-use crate::select::problem::{Neighbours as _, RegressionProblem as _, Trial};
+use crate::select::problem::{Neighbours as _, Trial};
 use crate::select::signals::Signals;
 use darm_measure::FindingKind;
 

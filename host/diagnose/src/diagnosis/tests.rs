@@ -361,3 +361,18 @@ fn a_rejection_of_nothing_says_what_there_is() {
         "the model has stroke-loss at actuator 4, state 1, which is rejected: remove it from the model's file first"
     );
 }
+
+#[test]
+fn temperatures_in_fahrenheit_are_a_reading_and_growth_by_them_is_no_effect() {
+    let arm = arm();
+    let mut run = measured(&arm, &[Effect::ThermalGrowth { at: Place::Arm, expansion_per_k: 1e-4 }], |time_s| {
+        (6e5, 298.0 + 5.0 * (time_s / 40.0).sin())
+    });
+    let verdict = |run: &Run| diagnose(&arm, run, &Options::default()).unwrap().diagnosis;
+    assert_eq!(laws(&verdict(&run)), ["thermal-growth"]);
+    run.samples.iter_mut().for_each(|sample| sample.temperature_c = sample.temperature_c.map(|c| 1.8 * c + 32.0));
+    let read = verdict(&run);
+    assert_eq!(read.verdict, Verdict::WrongModelOrLog, "{:?}", read.plain);
+    assert_eq!(read.other_reading.map(|other| other.misreading), Some(Misreading::Fahrenheit));
+    assert!(read.effects.is_empty());
+}

@@ -11,9 +11,22 @@ pub(crate) fn temperature(run: &Run) -> Option<Finding> {
     let text = format!(
         "the temperature is usually {usual:.1} °C: are these degrees Fahrenheit, {:.1} °C? convert them, (x - 32) / 1.8, and diagnose \
          again: what grows with temperature and its interval hold in °C only",
-        (usual - 32.0) / 1.8
+        celsius(usual)
     );
     FAHRENHEIT.contains(&usual).then(|| Finding::note(FindingKind::SuspectedUnit, text))
+}
+
+/// The run with its temperatures taken for degrees Fahrenheit.
+pub(crate) fn in_fahrenheit(run: &Run) -> Run {
+    let mut read = run.clone();
+    for sample in &mut read.samples {
+        sample.temperature_c = sample.temperature_c.map(celsius);
+    }
+    read
+}
+
+fn celsius(fahrenheit: f64) -> f64 {
+    (fahrenheit - 32.0) / 1.8
 }
 
 #[cfg(test)]
