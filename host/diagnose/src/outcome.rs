@@ -117,6 +117,12 @@ impl Diagnosis {
         self.remaining.depends_on.iter().any(|one| one.regressor != Regressor::Condition)
     }
 
+    /// What the rows are that the errors beside those of the fitted rows are on: `held out`, or `left out` in turn where each of them has
+    /// chosen the effects as well.
+    pub fn unseen(&self) -> &'static str {
+        if self.is_cross_validated { "left out" } else { "held out" }
+    }
+
     /// What a person does next: first about conditions that were not read, then what the verdict asks for.
     pub fn next_step(&self) -> String {
         let unread = self.findings.iter().filter(|finding| finding.kind == FindingKind::UnreadCondition);

@@ -152,7 +152,7 @@ impl Answer for Report {
             let (value, unit) = readable(&r.norm);
             format!("{value:.3} {unit}, {} degrees of freedom", r.dof)
         });
-        lines.push(format!("held out: {held_out}; repeatability: {repeats}"));
+        lines.push(format!("{}: {held_out}; repeatability: {repeats}", self.diagnosis.unseen()));
         lines.extend(self.output.as_ref().map(|path| format!("\nwrote the corrected model to {}", path.display())));
         lines.join("\n")
     }
@@ -186,7 +186,7 @@ impl Report {
             head,
             cells("fitted", rows.train, Some(&error.before.train), "before"),
             cells("", rows.train, Some(&error.after.train), "after"),
-            cells("held out", rows.held_out, error.before.held_out.as_ref(), "before"),
+            cells(self.diagnosis.unseen(), rows.held_out, error.before.held_out.as_ref(), "before"),
             cells("", rows.held_out, error.after.held_out.as_ref(), "after"),
         ])
     }

@@ -48,7 +48,7 @@ fn sources(diagnosis: &Diagnosis, files: &[SourceFile]) -> Markup {
             h2 { "Files" }
             (file_table(files))
             p {
-                (rows.train) " rows fitted, " (rows.held_out) " held out: " (diagnosis.held_out) "; cross-validated over "
+                (rows.train) " rows fitted, " (rows.held_out) " " (diagnosis.unseen()) ": " (diagnosis.held_out) "; cross-validated over "
                 (diagnosis.left_out) "."
             }
         }

@@ -213,10 +213,8 @@ fn error_sentence(diagnosis: &Diagnosis) -> Option<String> {
     } else {
         ""
     };
-    let (error, rows) = match diagnosis.is_cross_validated {
-        true => ("Cross-validated error", "left out"),
-        false => ("Held-out error", "held out"),
-    };
+    let error = if diagnosis.is_cross_validated { "Cross-validated error" } else { "Held-out error" };
+    let rows = diagnosis.unseen();
     Some(format!("{error} {} ({without}{noise}{rows}: {}).{hardly}", fall(|figure| &figure.norm), diagnosis.held_out))
 }
 

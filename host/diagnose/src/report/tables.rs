@@ -48,7 +48,7 @@ pub fn sampling_table(d: &Diagnosis) -> Markup {
         table {
             tbody {
                 tr { th scope="row" { "Measured" } td { (d.kind) } }
-                tr { th scope="row" { "Rows" } td { (d.rows.train) " fitted, " (d.rows.held_out) " held out" } }
+                tr { th scope="row" { "Rows" } td { (d.rows.train) " fitted, " (d.rows.held_out) " " (d.unseen()) } }
                 @if !words.is_empty() { tr { th scope="row" { "Words" } td { (words.len()) " different" } } }
                 @if over_s > 0.0 { tr { th scope="row" { "Time" } td { (short(over_s)) " s, usually " (short(step_s)) " s from row to row" } } }
                 tr { th scope="row" { "Held out" } td { (d.held_out) } }
