@@ -12,7 +12,7 @@ use anyhow::{Context, Result};
 use darm_arm::arm::Arm;
 use darm_arm::arm::frames::{DesiredFrame, StopRange};
 use darm_arm::synthesis::{
-    Bounds, Infeasibility, Method, Options, Status, Synthesis, choose_words, equal_stops, synthesize,
+    Bounds, Infeasibility, Method, Options, Status, Synthesis, choose_words, equal_stops, synthesize, without_pose,
 };
 use darm_core::chain::Parameter;
 use darm_figures::figure::Figure;
@@ -179,6 +179,7 @@ fn draw(own: &Own, case: &Case, seed: u64) -> Result<Outcome> {
     let obstacle = match &ours.obstacle {
         Some(Infeasibility::Bounds(_)) | None => "held back by bounds",
         Some(Infeasibility::Singular { .. }) => "stopped by a singular platform",
+        Some(Infeasibility::Words { .. }) => "stopped by words to be assembled",
         Some(Infeasibility::OutOfReach) => "stretched, or in a hollow",
         Some(Infeasibility::Unsettled) => "not at its end",
     };
@@ -188,16 +189,16 @@ fn draw(own: &Own, case: &Case, seed: u64) -> Result<Outcome> {
         is_exact: is_exact(&ours),
         obstacle: (!is_exact(&ours)).then(|| obstacle.to_owned()),
         nearest_mm: 1e3 * ours.frames.iter().map(|frame| frame.error_m).fold(0.0, f64::max),
-        has_solution: asks && (is_exact(&ours) || random_start_solves(own, &frames, seed)?),
+        has_solution: asks && (is_exact(&ours) || random_start_solves(own, &frames, seed, STROKE_M)?),
         has_equal_stops: asks && is_exact(&ours) && !equal_stops(&ours.arm).is_empty(),
     })
 }
 
-/// Whether any of many starts solves a draw within the tightest bounds. Each start is an arm whose stops are uniform in all
+/// Whether any of many starts solves a draw with legs within the default bounds, every word assembled. Each start is an arm whose stops are uniform in all
 /// that the bounds allow, or in a half or a quarter of it around the base line; one without a pose for some word solves
 /// nothing.
-fn random_start_solves(own: &Own, frames: &[DesiredFrame], seed: u64) -> Result<bool> {
-    let Bounds { shortest, longest, stroke, .. } = Bounds { stroke: STROKE_M, ..Bounds::default() };
+pub(super) fn random_start_solves(own: &Own, frames: &[DesiredFrame], seed: u64, stroke: f64) -> Result<bool> {
+    let Bounds { shortest, longest, .. } = Bounds::default();
     let (mut ranges, mut lengths) = (Vec::new(), Vec::new());
     for actuator in 0..own.arm.n_actuators() {
         let length = |state| own.arm.model.chain.get(stop(actuator, state)).context("a leg has two stops");
@@ -209,6 +210,8 @@ fn random_start_solves(own: &Own, frames: &[DesiredFrame], seed: u64) -> Result<
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(1);
     let options = Options { bounds: Bounds::none(), ranges: ranges.clone(), starts: 1, ..Options::default() };
+    // The closest geometry is of no interest.
+    options.handle.end();
     for share in SHARES.into_iter().cycle().take(RANDOM_STARTS) {
         let mut start = own.arm.clone();
         for (StopRange { actuator, value: (low, high), .. }, (short, long)) in ranges.iter().zip(&lengths) {
@@ -217,7 +220,9 @@ fn random_start_solves(own: &Own, frames: &[DesiredFrame], seed: u64) -> Result<
             start.model.chain.set(stop(*actuator, 0), short)?;
             start.model.chain.set(stop(*actuator, 1), rng.random_range(short + stroke..high))?;
         }
-        if synthesize(&start, frames, &options).is_ok_and(|found| found.status == Status::Reached && found.kept) {
+        let is_valid =
+            |found: &Synthesis| found.status == Status::Reached && found.kept && without_pose(&found.arm).is_empty();
+        if synthesize(&start, frames, &options).is_ok_and(|found| is_valid(&found)) {
             return Ok(true);
         }
     }

@@ -6,6 +6,7 @@ use darm_core::actuator::Stage;
 use nalgebra::DVector;
 use serde::Serialize;
 
+use super::assembly::digits;
 use super::problem::Problem;
 
 /// A bound that is as near as this, m or rad, holds.
@@ -28,6 +29,13 @@ pub enum Infeasibility {
         /// The frame, by its name.
         frame: String,
     },
+    /// A step nearer would leave a module without a pose in a setting of its actuators.
+    Words {
+        /// The module, by its name.
+        module: String,
+        /// A digit for each of its actuators.
+        setting: String,
+    },
     /// No small change of any stop brings the tool nearer: the arm is stretched towards frames that are out of reach, or
     /// is in a hollow that only another start leads out of.
     OutOfReach,
@@ -42,6 +50,11 @@ impl fmt::Display for Infeasibility {
             Self::Singular { module, frame } => {
                 write!(f, "{module} is about to leave its assembly mode in {frame}: move its anchors, or that frame")
             }
+            Self::Words { module, setting } => write!(
+                f,
+                "{module} could hardly be assembled with its actuators at {setting}: give the words that tables use with \
+                 --table-words, or move its anchors"
+            ),
             Self::OutOfReach => write!(
                 f,
                 "no bound holds them back and no small change of a stop brings the tool nearer: they are out of reach, or \
@@ -63,6 +76,9 @@ pub(super) fn of(problem: &mut Problem, unknowns: &DVector<f64>) -> Infeasibilit
     if let Some((stage, frame)) = singular(problem, unknowns) {
         let module = problem.base_line().stage_name(stage);
         return Infeasibility::Singular { module, frame: problem.targets[frame].name.clone() };
+    }
+    if let Some((stage, setting)) = problem.nearly_lost(unknowns) {
+        return Infeasibility::Words { module: problem.base_line().stage_name(stage), setting: digits(&setting) };
     }
     match problem.linearise(unknowns) {
         Ok((residual, jacobian)) => {

@@ -58,7 +58,10 @@ use serde::Serialize;
 use crate::arm::frames::{self, DesiredFrame, StopRange};
 use crate::arm::{Arm, FrameFault, reason_of};
 pub use accuracy::Accuracy;
-pub use assembly::{WithoutPose, without_pose};
+use assembly::Needed;
+pub use assembly::{
+    NearestSingular, NeededWords, WithoutPose, assembled_share, digits, nearest_singular, without_pose,
+};
 pub use case::{BoundFrame, Case, CaseKind, CompleteModules};
 pub use catalogue::{Bought, CatalogueError, Part, buy, read_catalogue};
 pub use few_actuators::synthesize_by_few;
@@ -80,6 +83,8 @@ pub struct Options {
     pub bounds: Bounds,
     /// What the stops of single actuators may be set to besides.
     pub ranges: Vec<StopRange>,
+    /// The words that have to be assembled besides those of the frames.
+    pub words: NeededWords,
     /// How many starts are tried, the base-line included, before the nearest is returned.
     pub starts: u32,
     /// Seed of the starts.
@@ -139,6 +144,7 @@ impl Default for Options {
             method: Method::Newton,
             bounds: Bounds::default(),
             ranges: Vec::new(),
+            words: NeededWords::All,
             starts: 256,
             seed: 1,
             handle: SearchHandle::default(),
@@ -310,6 +316,7 @@ fn solve(
     let mut problem = Problem::new(base_line, desired, &options.bounds, &options.ranges);
     problem.servos_fixed = servos_fixed;
     problem.accuracy = Accuracy::of(options.method);
+    problem.needed = Needed::new(base_line, &options.words);
     let before = problem.start();
     let before_poses = problem.poses(&before)?;
     let case = case::of(&problem)?;

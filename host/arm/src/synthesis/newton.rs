@@ -29,6 +29,11 @@ const MIN_ADVANCE: f64 = 1.0 / 64.0;
 const MINIMISING_STEPS: u32 = 8;
 /// A step as small as this changes the alteration by its square only.
 const SETTLED_CHANGE: f64 = 1e-5;
+/// Steps until every needed word can be assembled, the shares of a step that are tried, and the share of what is missed that one may
+/// leave.
+const COMPLETING_STEPS: u32 = 60;
+const SHARES: [f64; 5] = [1.0, 0.5, 0.25, 0.125, 0.0625];
+const WORTH: f64 = 0.99;
 /// The least ratio of pivots at which the normal equations lose no more digits than a later step brings back.
 const WELL_POSED: f64 = 1e-4;
 
@@ -61,6 +66,8 @@ impl Damping {
 pub(super) struct Search<'p, 'a> {
     pub(super) problem: &'p mut Problem<'a>,
     pub(super) iterations: u32,
+    /// Whether every needed word has to be assembled all the way.
+    pub(super) keeps_words: bool,
 }
 
 impl Search<'_, '_> {
@@ -83,14 +90,16 @@ impl Search<'_, '_> {
     ) -> Result<(DVector<f64>, DVector<f64>), SynthesisError> {
         let mut unknowns = start.clone();
         let (mut residual, mut jacobian) = self.problem.linearise(&unknowns)?;
+        let mut words = self.word_bounds(&unknowns);
         let mut damping = Damping::default();
         for _ in 0..max_steps {
             if residual.amax() < enough {
                 break;
             }
             self.iterations += 1;
-            let next = &unknowns + self.step(&jacobian, &residual, &unknowns, None, damping.value());
+            let next = &unknowns + self.step(&jacobian, &residual, &unknowns, None, damping.value(), &words);
             let lower = self.problem.linearise(&next).ok().filter(|(next, _)| next.norm() < residual.norm());
+            let lower = lower.filter(|_| self.has_words(&next));
             let Some((lower, steeper)) = lower else {
                 if damping.is_exhausted() || residual.amax() < SOLVED {
                     break;
@@ -100,6 +109,7 @@ impl Search<'_, '_> {
             };
             let settled = has_settled(residual.norm(), lower.norm(), damping);
             (unknowns, residual, jacobian) = (next, lower, steeper);
+            words = self.word_bounds(&unknowns);
             damping.lower();
             if settled {
                 break;
@@ -139,8 +149,13 @@ impl Search<'_, '_> {
         for _ in 0..MINIMISING_STEPS {
             let Ok((residual, jacobian)) = self.problem.linearise(&unknowns) else { return solved };
             self.iterations += 1;
-            let step = self.step(&jacobian, &residual, &unknowns, Some(&anchor), 0.0);
-            unknowns += &step;
+            let words = self.word_bounds(&unknowns);
+            let step = self.step(&jacobian, &residual, &unknowns, Some(&anchor), 0.0, &words);
+            let next = &unknowns + &step;
+            if !self.has_words(&next) {
+                break;
+            }
+            unknowns = next;
             if step.norm() < SETTLED_CHANGE {
                 break;
             }
@@ -163,7 +178,41 @@ impl Search<'_, '_> {
     ) -> Result<DVector<f64>, SynthesisError> {
         let (residual, jacobian) = self.problem.linearise(unknowns)?;
         self.iterations += 1;
-        Ok(unknowns + self.step(&jacobian, &residual, unknowns, Some(wanted), 0.0))
+        let words = self.word_bounds(unknowns);
+        Ok(unknowns + self.step(&jacobian, &residual, unknowns, Some(wanted), 0.0, &words))
+    }
+
+    /// The unknowns altered until every needed word can be assembled, the frames kept to first order, bounds exactly. `None` where
+    /// no step leads on.
+    pub(super) fn with_words(&mut self, start: &DVector<f64>) -> Option<DVector<f64>> {
+        let mut unknowns = start.clone();
+        let mut missed_m = self.problem.missed_m(&unknowns);
+        for _ in 0..COMPLETING_STEPS {
+            if missed_m == 0.0 {
+                break;
+            }
+            let (residual, jacobian) = self.problem.linearise(&unknowns).ok()?;
+            self.iterations += 1;
+            let words = self.problem.assembly_bounds(&unknowns);
+            let step = self.step(&jacobian, &residual, &unknowns, None, 0.0, &words);
+            let shorter = SHARES.iter().find_map(|share| {
+                let next = &unknowns + &step * *share;
+                let next_m = self.problem.missed_m(&next);
+                (next_m < WORTH * missed_m && self.problem.residual(&next).is_ok()).then_some((next_m, next))
+            });
+            (missed_m, unknowns) = shorter?;
+        }
+        (missed_m == 0.0).then_some(unknowns)
+    }
+
+    /// The constraint on the words as bounds, where it is kept.
+    fn word_bounds(&mut self, unknowns: &DVector<f64>) -> Vec<Bound> {
+        if self.keeps_words { self.problem.assembly_bounds(unknowns) } else { Vec::new() }
+    }
+
+    /// Whether every needed word can be assembled, or need not be.
+    fn has_words(&mut self, unknowns: &DVector<f64>) -> bool {
+        !self.keeps_words || self.problem.missed_m(unknowns) == 0.0
     }
 
     fn altered(&self, unknowns: &DVector<f64>, anchor: &DVector<f64>) -> f64 {
@@ -179,13 +228,14 @@ impl Search<'_, '_> {
         unknowns: &DVector<f64>,
         anchor: Option<&DVector<f64>>,
         damping: f64,
+        words: &[Bound],
     ) -> DVector<f64> {
         let weights = self.problem.weights();
         let away = anchor.map(|anchor| (unknowns - anchor).component_mul(weights));
         let mut active: Vec<usize> = Vec::new();
-        let bounds = &self.problem.bounds;
+        let bounds: Vec<&Bound> = self.problem.bounds.iter().chain(words).collect();
         loop {
-            let kept: Vec<&Bound> = active.iter().map(|&index| &bounds[index]).collect();
+            let kept: Vec<&Bound> = active.iter().map(|&index| bounds[index]).collect();
             let face = Face::new(&kept, unknowns, weights);
             let step = smallest_step(jacobian, residual, away.as_ref(), &face, damping).component_div(weights);
             let next = unknowns + &step;
@@ -194,7 +244,14 @@ impl Search<'_, '_> {
             active.sort_unstable();
             active.dedup();
             if active.len() == n_active {
-                return step * allowed_share(bounds, &active, unknowns, &next);
+                let step = step * allowed_share(&bounds, &active, unknowns, &next);
+                let next = unknowns + &step;
+                let breaks = |bound: &Bound| bound.slack(&next) < bound.slack(unknowns).min(0.0) - KEPT;
+                // Words and bounds that contradict each other are both missed by their least squares: bounds come first.
+                if !words.is_empty() && self.problem.bounds.iter().any(breaks) {
+                    return self.step(jacobian, residual, unknowns, anchor, damping, &[]);
+                }
+                return step;
             }
         }
     }
@@ -290,7 +347,7 @@ fn truncated_inverse(matrix: &DMatrix<f64>, right: &DVector<f64>, floor: f64) ->
 }
 
 /// The share of the step that breaks none of the bounds that are not kept as equations.
-fn allowed_share(bounds: &[Bound], kept: &[usize], unknowns: &DVector<f64>, next: &DVector<f64>) -> f64 {
+fn allowed_share(bounds: &[&Bound], kept: &[usize], unknowns: &DVector<f64>, next: &DVector<f64>) -> f64 {
     let shares = bounds.iter().enumerate().filter(|(index, _)| !kept.contains(index)).map(|(_, bound)| {
         let (before, after) = (bound.slack(unknowns).max(0.0), bound.slack(next));
         if after < -1e-12 { before / (before - after) } else { 1.0 }

@@ -10,6 +10,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
 
+use super::assembly::Needed;
 use super::lift::Lift;
 use super::newton::{EXACT, SOLVED, Search, damped_inverse, within};
 use super::problem::Problem;
@@ -21,14 +22,17 @@ const PLAIN_STEPS: u32 = 50;
 const SCATTER: [(f64, f64); 4] = [(0.05, 0.2), (0.1, 0.5), (0.2, 1.0), (0.05, 2.0)];
 /// Starts after which those of platforms are late.
 const EARLY: u32 = 16;
+/// Solutions without a pose for some word that are tried for less.
+const TRIED: usize = 8;
 /// Standard deviations of the shifts in turn, in the arm's length scale and rad.
 const SHIFT: [(f64, f64); 4] = [(0.2, 0.1), (0.4, 0.2), (0.6, 0.3), (0.4, 0.5)];
 
 pub(super) fn solve(problem: &mut Problem, options: &Options) -> Result<Found, SynthesisError> {
     let base_line = within(problem, problem.start());
     let platforms = (0..problem.n_stops()).any(|stop| problem.is_leg(stop));
-    let mut search = Search { problem, iterations: 0 };
-    let (mut ends, mut incomplete) = (Vec::new(), None);
+    let by_file = Needed::by_file(problem.base_line());
+    let mut search = Search { problem, iterations: 0, keeps_words: false };
+    let (mut ends, mut incomplete, mut tried) = (Vec::new(), Vec::new(), Vec::new());
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     let mut starts = 0;
     while starts < options.starts.max(1) {
@@ -37,6 +41,9 @@ pub(super) fn solve(problem: &mut Problem, options: &Options) -> Result<Found, S
             n => scattered(search.problem, &base_line, SCATTER[n as usize % SCATTER.len()], &mut rng),
         };
         starts += 1;
+        if starts <= EARLY {
+            tried.push(start.clone());
+        }
         options.handle.count();
         if platforms && starts > EARLY {
             let shift = SHIFT[(starts / 2) as usize % SHIFT.len()];
@@ -58,29 +65,61 @@ pub(super) fn solve(problem: &mut Problem, options: &Options) -> Result<Found, S
                 break;
             }
         }
-        if let Some(solved) = ends.pop_if(|(error, _)| *error < SOLVED) {
-            let closest_solution = search.minimise_change(solved.1);
-            if let Some(unknowns) = search.problem.assembled(closest_solution.clone()) {
+        if let Some((_, solved)) = ends.pop_if(|(error, _)| *error < SOLVED) {
+            let closest_solution = search.minimise_change(solved.clone());
+            if let Some(unknowns) = search.assembled(&closest_solution, &solved) {
                 return Ok(Found { unknowns, iterations: search.iterations, starts });
             }
-            incomplete.get_or_insert(closest_solution);
+            incomplete.push((closest_solution, solved));
         }
         if options.handle.is_ended() {
             break;
         }
     }
-    // No start gives an arm that has a pose at rest: why is said of the first.
-    if let Some(unknowns) = incomplete {
+    // No start leaves every word a pose: what no arm file can do without is left, of the first that can have it.
+    let needed = std::mem::replace(&mut search.problem.needed, by_file);
+    if let Some(unknowns) =
+        incomplete.iter().take(TRIED).find_map(|(closest, solved)| search.assembled(closest, solved))
+    {
         return Ok(Found { unknowns, iterations: search.iterations, starts });
     }
+    ends.extend(incomplete.into_iter().map(|(_, solved)| (0.0, solved)));
     let Some((_, nearest)) = ends.iter().min_by(|a, b| a.0.total_cmp(&b.0)) else {
         search.problem.residual(&base_line)?;
         return Ok(Found { unknowns: base_line, iterations: search.iterations, starts });
     };
     let nearest = nearest.clone();
-    let closest = search.closest(&ends, &options.handle).unwrap_or(nearest);
-    let unknowns = search.problem.assembled(closest.clone()).unwrap_or(closest);
-    Ok(Found { unknowns, iterations: search.iterations, starts })
+    let unknowns = search.closest(&ends, &options.handle).unwrap_or(nearest);
+    let by_file = std::mem::replace(&mut search.problem.needed, needed);
+    if search.problem.missed_m(&unknowns) == 0.0 {
+        return Ok(Found { unknowns, iterations: search.iterations, starts });
+    }
+    // The initial arm can be assembled, within its own bounds at least.
+    let others: Vec<DVector<f64>> = std::iter::once(unknowns.clone()).chain(tried).collect();
+    let mut closest = search.closest_with_words(&ends, &others, &options.handle);
+    if closest.is_none() {
+        search.problem.needed = by_file;
+        closest = search.closest_with_words(&ends, &others, &options.handle);
+    }
+    Ok(Found { unknowns: closest.unwrap_or(unknowns), iterations: search.iterations, starts })
+}
+
+impl Search<'_, '_> {
+    /// A solution in which every needed word can be assembled, near `solved` or the one with the least alteration near that.
+    fn assembled(&mut self, closest: &DVector<f64>, solved: &DVector<f64>) -> Option<DVector<f64>> {
+        if self.problem.missed_m(closest) == 0.0 {
+            return Some(closest.clone());
+        }
+        let complete = match self.problem.missed_m(solved) {
+            0.0 => solved.clone(),
+            _ => self.with_words(closest).or_else(|| self.with_words(solved))?,
+        };
+        self.keeps_words = true;
+        let exact = self.descend(&complete, EXACT).ok().filter(|(error, _)| *error < SOLVED);
+        let found = exact.map(|(_, exact)| self.minimise_change(exact));
+        self.keeps_words = false;
+        found
+    }
 }
 
 /// Keeps where a way ended; whether it meets all frames there.

@@ -27,6 +27,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::Serialize;
 
+use super::assembly::Needed;
 use super::newton::{EXACT, SOLVED, Search};
 use super::problem::Problem;
 use super::{Found, Options, Synthesis, SynthesisError, answer};
@@ -117,7 +118,9 @@ pub fn minimize_sensitivity(
     problem.servos_fixed = true;
     let before = problem.poses(&problem.start())?;
     let mut unknowns = problem.unknowns_of(&found.arm);
-    let mut search = Search { problem: &mut problem, iterations: 0 };
+    problem.needed = Needed::new(base_line, &options.words);
+    let keeps_words = problem.missed_m(&unknowns) == 0.0;
+    let mut search = Search { problem: &mut problem, iterations: 0, keeps_words };
     let mut lowest = cost(search.problem, &unknowns, &frames, tolerance);
     let mut size = 0.05;
     for _ in 0..STEPS {

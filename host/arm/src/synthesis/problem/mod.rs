@@ -13,6 +13,7 @@ use nalgebra::{DMatrix, DVector};
 pub(super) use self::bounds::Bound;
 use self::parameters::{anchors, is_leg, is_used, stops, turns, values};
 use self::target::{Target, rows};
+use super::assembly::Needed;
 use super::{Accuracy, Bounds, Method, SynthesisError};
 use crate::arm::frames::{DesiredFrame, StopRange};
 use crate::arm::{Arm, ArmModel, ArmScratch};
@@ -40,6 +41,8 @@ pub(in crate::synthesis) struct Problem<'a> {
     /// What counts as met.
     pub(in crate::synthesis) accuracy: Accuracy,
     planar: bool,
+    /// In which settings each module has to be assembled; in none until a search says so.
+    pub(in crate::synthesis) needed: Needed,
 }
 
 impl<'a> Problem<'a> {
@@ -75,6 +78,7 @@ impl<'a> Problem<'a> {
             servos_fixed: false,
             accuracy: Accuracy::of(Method::Newton),
             planar,
+            needed: Needed::default(),
             stops,
         };
         problem.bound_stops(bounds, ranges);

@@ -5,8 +5,9 @@ use super::*;
 #[test]
 fn legs_stay_physical() {
     let arm = planar4();
+    let options = Options { starts: 64, ..Options::default() };
     for seed in 0..20 {
-        let found = synthesize(&arm, &moved(own_frames(&arm, &WORDS), 0.3, seed), &Options::default()).unwrap();
+        let found = synthesize(&arm, &moved(own_frames(&arm, &WORDS), 0.3, seed), &options).unwrap();
         let length = |actuator, state| found.arm.model.chain.get(Parameter::Stop { actuator, state }).unwrap();
         for actuator in 0..12 {
             let (short, long) = (length(actuator, 0), length(actuator, 1));
@@ -60,12 +61,13 @@ fn the_bounds_that_keep_the_arm_from_the_frames_are_named() {
 fn a_least_stroke_is_kept() {
     let arm = planar4();
     let mut dead = 0;
+    let options = Options { starts: 8, ..Options::default() };
     for seed in 0..20 {
         let desired = moved(own_frames(&arm, &WORDS), 0.3, seed);
-        let found = synthesize(&arm, &desired, &Options::default()).unwrap();
+        let found = synthesize(&arm, &desired, &options).unwrap();
         dead += equal_stops(&found.arm).len();
         let ranges = min_strokes(&arm, &desired, &[], MinStroke::of_all(5e-3));
-        let found = synthesize(&arm, &desired, &Options { ranges, ..Options::default() }).unwrap();
+        let found = synthesize(&arm, &desired, &Options { ranges, ..options.clone() }).unwrap();
         assert_eq!(equal_stops(&found.arm), [0; 0], "seed {seed}");
     }
     assert!(dead > 0, "no case has equal stops");
