@@ -10,10 +10,12 @@ use darm_arm::arm::frames::{self, DesiredFrame, StopRange};
 use darm_arm::arm::{Arm, ArmModel};
 use darm_arm::draw::{Scene, svg};
 use darm_arm::synthesis::{
-    Bounds, Method, MinStroke, Options, Scheme as PaperScheme, SearchHandle, Status, StuckActuator, Synthesis,
-    Tolerance, buy, choose_words, equal_stops, expected, min_strokes, minimize_sensitivity, read_catalogue, repair,
-    short_strokes, stops_as_they_are, synthesize_by_few, without_pose,
+    Bounds, Method, MinStroke, NeededWords, Options, Scheme as PaperScheme, SearchHandle, Status, StuckActuator,
+    Synthesis, Tolerance, buy, choose_words, equal_stops, expected, min_strokes, minimize_sensitivity, read_catalogue,
+    repair, short_strokes, stops_as_they_are, synthesize_by_few,
 };
+
+use darm_core::units::Word;
 
 use crate::failure::Usage;
 use crate::output_file::{self, Syntax};
@@ -72,6 +74,10 @@ pub(crate) struct Synth {
     /// Repair: repeat the synthesis with an actuator that is stuck in one state
     #[arg(long, value_name = "ACTUATOR=STATE", value_parser = stuck_actuator, group = "task")]
     stuck: Option<StuckActuator>,
+    /// Words that tables will use: the arm can be assembled in these, in those of the frames, at rest and fully extended.
+    /// Without this option in every word, where any start leads there
+    #[arg(long, value_name = "WORD", num_args = 1..)]
+    table_words: Vec<String>,
     /// Keep the stops of the stuck actuator: it is jammed, and no screw moves it
     #[arg(long, requires = "stuck")]
     keep_stop: bool,
@@ -146,7 +152,12 @@ impl Synth {
         let read = if self.choose_words { frames::read_task_without_words } else { frames::read_task };
         let task = read(&self.frames, &base)?;
         let handle = SearchHandle::default();
-        let options = Options { ranges: task.ranges, handle: handle.clone(), ..self.options()? };
+        let options = Options {
+            ranges: task.ranges,
+            words: self.needed_words(&base)?,
+            handle: handle.clone(),
+            ..self.options()?
+        };
         let base = &base;
         let ended = handle.clone();
         ctrlc::set_handler(move || ended.end()).context("cannot wait for Ctrl-C")?;
@@ -169,15 +180,6 @@ impl Synth {
             return Err(not_met(&found, options.method).into());
         }
         self.warn_of_strokes(&found.arm, ui);
-        for module in without_pose(&found.arm) {
-            let text = |digits: &Vec<u8>| digits.iter().map(u8::to_string).collect::<String>();
-            let settings: Vec<String> = module.settings.iter().map(text).collect();
-            ui.note(&format!(
-                "warning: {} cannot be assembled with its actuators at {}; no table can use words that contain it",
-                found.arm.stage_name(module.stage),
-                settings.join(", ")
-            ));
-        }
         self.write_files(&base.model, &found, ui)?;
         ui.print(&Synthesised::of(&found, &self.output, extras))
     }
@@ -272,6 +274,18 @@ impl Synth {
             ui.note("the words that were found are not saved; --write-frames FRAMES.toml saves them");
         }
         Ok(())
+    }
+
+    fn needed_words(&self, arm: &Arm) -> Result<NeededWords, Usage> {
+        if self.table_words.is_empty() {
+            return Ok(NeededWords::All);
+        }
+        let word = |text: &String| -> Result<Word, Usage> {
+            let word: Word = text.parse().map_err(|error| Usage(format!("--table-words {text}: {error}")))?;
+            frames::check_word(&word, arm).map_err(|fault| Usage(format!("--table-words {text}: {fault}")))?;
+            Ok(word)
+        };
+        Ok(NeededWords::These(self.table_words.iter().map(word).collect::<Result<_, _>>()?))
     }
 
     fn options(&self) -> Result<Options, Usage> {

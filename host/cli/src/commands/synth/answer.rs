@@ -2,7 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use darm_arm::synthesis::{Accuracy, Bought, Case, Cost, Expected, Infeasibility, Method, Reached, Status, Synthesis};
+use darm_arm::arm::Arm;
+use darm_arm::synthesis::{
+    Accuracy, Bought, Case, Cost, Expected, Infeasibility, Method, Reached, Status, Synthesis, assembled_share, digits,
+    nearest_singular, without_pose,
+};
+use darm_core::actuator::MIN_DETERMINANT;
 use serde::Serialize;
 
 use crate::ui::{Answer, columns, number};
@@ -23,6 +28,7 @@ pub(super) struct Synthesised {
     took_s: f64,
     alteration_m: f64,
     anchors_moved_m: f64,
+    assembly: AssemblyReport,
     frames: Vec<FrameReport>,
     #[serde(flatten)]
     extras: Extras,
@@ -49,6 +55,71 @@ pub(super) struct Extras {
     /// Expected errors of the least sensitive geometry.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(super) expected: Vec<Expected>,
+}
+
+/// In which words the arm can be assembled, and how near it comes to a singular posture.
+#[derive(Serialize)]
+struct AssemblyReport {
+    /// Share of all words that can be assembled, percent.
+    words_percent: f64,
+    /// Settings of modules that no other word may contain.
+    without_pose: Vec<ModuleSettings>,
+    /// Absent where the arm has no platform.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    nearest_singular: Option<SingularReport>,
+}
+
+#[derive(Serialize)]
+struct ModuleSettings {
+    module: String,
+    settings: Vec<String>,
+}
+
+/// The module and the setting with the least determinant, scaled, without a unit.
+#[derive(Serialize)]
+struct SingularReport {
+    module: String,
+    setting: String,
+    determinant: f64,
+    least_determinant: f64,
+}
+
+impl AssemblyReport {
+    fn of(arm: &Arm) -> Self {
+        let without_pose = without_pose(arm).into_iter().map(|module| ModuleSettings {
+            module: arm.stage_name(module.stage),
+            settings: module.settings.iter().map(|setting| digits(setting)).collect(),
+        });
+        let nearest_singular = nearest_singular(arm).map(|nearest| SingularReport {
+            module: arm.stage_name(nearest.stage),
+            setting: digits(&nearest.setting),
+            determinant: nearest.determinant,
+            least_determinant: MIN_DETERMINANT,
+        });
+        Self { words_percent: 100.0 * assembled_share(arm), without_pose: without_pose.collect(), nearest_singular }
+    }
+
+    /// Lines, each with its end.
+    fn text(&self) -> String {
+        let mut text = match &self.without_pose[..] {
+            [] => "every word can be assembled\n".to_owned(),
+            lost => {
+                let of = |module: &ModuleSettings| format!("{} at {}", module.module, module.settings.join(", "));
+                format!(
+                    "{} % of the words can be assembled, but none with {}: no table can use them\n",
+                    number(self.words_percent, 1),
+                    lost.iter().map(of).collect::<Vec<_>>().join("; ")
+                )
+            }
+        };
+        if let Some(SingularReport { module, setting, determinant, least_determinant }) = &self.nearest_singular {
+            text += &format!(
+                "nearest to a singular posture: {module} at {setting}, determinant {} (singular below {least_determinant})\n",
+                number(*determinant, 3)
+            );
+        }
+        text
+    }
 }
 
 #[derive(Serialize)]
@@ -109,6 +180,7 @@ impl Synthesised {
             took_s: found.time.as_secs_f64(),
             alteration_m: found.alteration_m,
             anchors_moved_m: found.anchors_moved_m,
+            assembly: AssemblyReport::of(&found.arm),
             frames: found.frames.iter().map(frame_report).collect(),
             extras,
         }
@@ -143,7 +215,7 @@ impl Answer for Synthesised {
         }));
         format!(
             "{}\n\n{}{}\n{} in {:.3} s: {} iterations, {} start{}; stops changed by {:.1} mm (RSS){}\n\
-             model {} in {}",
+             {}model {} in {}",
             columns(&rows),
             self.extras.text(&self.frames, self.alteration_m),
             self.case,
@@ -160,6 +232,7 @@ impl Answer for Synthesised {
                 0.0 => String::new(),
                 moved_m => format!(", anchors moved by up to {:.1} mm; `darm adjust` lists them", 1e3 * moved_m),
             },
+            self.assembly.text(),
             self.model,
             self.output.display()
         )
