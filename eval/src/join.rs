@@ -43,6 +43,7 @@ impl Merge {
             calibrate::Effects::COMMAND => self.report::<calibrate::Effects>(runs),
             darm_demo::Sweep::COMMAND => self.report::<darm_demo::Sweep>(runs),
             bench::SynthesisSweep::COMMAND => self.report::<bench::SynthesisSweep>(runs),
+            bench::FarFrames::COMMAND => self.report::<bench::FarFrames>(runs),
             bench::Reach::COMMAND => self.report::<bench::Reach>(runs),
             faults::Job::COMMAND => self.report::<faults::Job>(runs),
             papers::Darm::COMMAND => self.report::<papers::Darm>(runs),
@@ -137,6 +138,7 @@ mod tests {
         assert_eq!(items::<calibrate::Effects>(json!({ "seeds": 2, "first_seed": 1 })).len(), 2 * 6);
         assert_eq!(items::<calibrate::Clean>(json!({ "arms": 3, "first_seed": 1 })).len(), 3);
         assert_eq!(items::<bench::SynthesisSweep>(json!({})).len(), 17 * 200 + 100);
+        assert_eq!(items::<bench::FarFrames>(json!({})).len(), 1000);
         assert_eq!(items::<bench::Reach>(json!({ "seed": 1 })).len(), 1 + 1000);
         assert_eq!(
             items::<faults::Job>(

@@ -3,6 +3,7 @@
 mod better_words;
 mod chip;
 pub(crate) mod draws;
+mod far_frames;
 mod foreign;
 mod map;
 mod measured;
@@ -19,6 +20,7 @@ use anyhow::{Context as _, Result, bail};
 use darm_figures::figure::{Figure, Figures};
 use darm_figures::items::{self, Job, Spread};
 
+pub(crate) use far_frames::FarFrames;
 pub(crate) use reach::Reach;
 pub(crate) use synthesis_sweep::SynthesisSweep;
 
@@ -53,6 +55,9 @@ struct Selection {
     /// In how many of 200 draws a synthesis is exact, as the desired frames move away
     #[arg(long)]
     synthesis_sweep: bool,
+    /// Whether a synthesis solves what any of 1000 starts solves and keeps bounds and words, in 1000 draws of far frames
+    #[arg(long)]
+    far_frames: bool,
     /// The exact nearest word out of 64^6: time and memory, beside a beam search and a genetic algorithm
     #[arg(long)]
     reach: bool,
@@ -106,6 +111,9 @@ impl Bench {
         if self.selection.synthesis_sweep {
             figures.extend(figures_of(&SynthesisSweep {})?);
         }
+        if self.selection.far_frames {
+            figures.extend(figures_of(&FarFrames {})?);
+        }
         if self.selection.reach {
             figures.extend(figures_of(&Reach { seed: SEED })?);
         }
@@ -129,6 +137,7 @@ impl Bench {
             upload,
             peers,
             synthesis_sweep,
+            far_frames,
             reach,
             better_words,
             map,
@@ -137,10 +146,13 @@ impl Bench {
             ref foreign,
         } = self.selection;
         let others = chip || image || upload || peers || better_words || map || measured || stamps || foreign.is_some();
-        match (synthesis_sweep, reach) {
-            (true, false) if !others => items::run(&SynthesisSweep {}, &self.spread),
-            (false, true) if !others => items::run(&Reach { seed: SEED }, &self.spread),
-            _ => bail!("--shard and --results need either --synthesis-sweep or --reach and nothing else"),
+        match (synthesis_sweep, far_frames, reach) {
+            (true, false, false) if !others => items::run(&SynthesisSweep {}, &self.spread),
+            (false, true, false) if !others => items::run(&FarFrames {}, &self.spread),
+            (false, false, true) if !others => items::run(&Reach { seed: SEED }, &self.spread),
+            _ => {
+                bail!("--shard and --results need one of --synthesis-sweep, --far-frames and --reach, and nothing else")
+            }
         }
     }
 }
