@@ -90,7 +90,7 @@ const STOPS: Injection = Injection {
 
 const STOP_TIMES: Injection = Injection {
     name: "stop-times",
-    arguments: &["--package", "darm-device", "--lib", "every_form_of_a_stop"],
+    arguments: &["--package", "darm-sim", "--lib", "every_form_of_a_stop"],
     variable: "DARM_STOP_TIMES",
     batch: u64::MAX,
 };
@@ -269,9 +269,12 @@ fn row(line: &str) -> Result<Row> {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+    use std::path::{Path, PathBuf};
+
     use darm_figures::items::Job as _;
 
-    use super::{Job, Row, row};
+    use super::{ATTACK, FRAMES, Injection, Job, KILLS, PAGE, PICO, Row, SERVE, STOP_TIMES, STOPS, STORE, row, setup};
 
     const JOB: Job = Job {
         kills: Some(120),
@@ -284,6 +287,38 @@ mod tests {
         attack: None,
         page: None,
     };
+
+    fn files_below(folder: &Path) -> Vec<PathBuf> {
+        let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+        let is_built = |path: &PathBuf| path.ends_with("target");
+        entries
+            .filter(|path| !is_built(path))
+            .flat_map(|path| if path.is_dir() { files_below(&path) } else { vec![path] })
+            .collect()
+    }
+
+    /// A test that has moved to another package would be looked for where it is not.
+    #[test]
+    fn each_injection_names_a_package_that_reads_its_variable() {
+        let manifests = files_below(&setup::root()).into_iter().filter(|path| path.ends_with("Cargo.toml"));
+        let packages: Vec<(PathBuf, String)> =
+            manifests.map(|path| (path.parent().unwrap().to_owned(), fs::read_to_string(&path).unwrap())).collect();
+        for Injection { name, arguments, variable, .. } in
+            [&KILLS, &FRAMES, &STOPS, &STOP_TIMES, &PICO, &STORE, &SERVE, &ATTACK, &PAGE]
+        {
+            let named = arguments
+                .windows(2)
+                .filter(|pair| pair[0] == "--package")
+                .map(|pair| format!("name = \"{}\"", pair[1]));
+            let is_read = |package: String| {
+                let own = packages.iter().filter(|(_, manifest)| manifest.lines().any(|line| line == package));
+                let texts =
+                    own.flat_map(|(folder, _)| files_below(folder)).filter_map(|path| fs::read_to_string(path).ok());
+                texts.into_iter().any(|text| text.contains(&format!("\"{variable}\"")))
+            };
+            assert!(named.into_iter().any(is_read), "{name}");
+        }
+    }
 
     #[test]
     fn faults_are_split_into_seeded_parts_that_add_up() {
