@@ -248,7 +248,7 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
             return Ok(seen);
         }
         match joint.action {
-            ServoAction::Go(target) => self.go(index, goal(&target, &joint.limit), joint.limit.id).await?,
+            ServoAction::Go(target) => self.go(index, &joint, goal(&target, &joint.limit), shared).await?,
             ServoAction::Hold => self.hold(index, &joint.limit, &sample).await?,
             ServoAction::Release => self.release(index, joint.limit.id).await?,
         }
@@ -256,11 +256,24 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
         Ok(if is_deaf { ServoSeen { answered: shared.servo_seen(index).answered, ..seen } } else { seen })
     }
 
-    async fn go(&mut self, index: usize, registers: [u8; GOAL_LEN as usize], id: u8) -> Result<(), BusError> {
+    async fn go(
+        &mut self,
+        index: usize,
+        joint: &Joint,
+        registers: [u8; GOAL_LEN as usize],
+        shared: &Shared<'_>,
+    ) -> Result<(), BusError> {
+        let id = joint.limit.id;
         // Damage can keep the sum of a request: the servo then goes elsewhere and answers that all is well.
-        if self.known(index).progress != Progress::Due && does(&self.registers(id).await?, &registers) {
-            self.note(index, |known| known.is_done(true));
-            return Ok(());
+        if self.known(index).progress != Progress::Due {
+            if does(&self.registers(id).await?, &registers) {
+                self.note(index, |known| known.is_done(true));
+                return Ok(());
+            }
+            // Reading took a millisecond or more, in which a stop may have come.
+            if shared.joints().get(index).copied().flatten() != Some(*joint) {
+                return Ok(());
+            }
         }
         // Whether it does this or still the last is not known before it answers.
         self.note(index, |known| known.tries(false));

@@ -407,3 +407,20 @@ fn one_damaged_position_does_not_become_the_goal_of_a_stop() {
     let goal = u16::from_le_bytes([p0, p1]);
     assert!((steps(-1.0)..=steps(1.0)).contains(&goal), "the stop sent the servo to step {goal}");
 }
+
+/// The target was written before, and is being read back when the stop comes; damage has kept the servo from it.
+#[test]
+fn no_servo_is_sent_to_a_target_after_a_stop_while_it_is_read_back() {
+    let (fake, clock) = (Fake::new(), HandClock::default());
+    let shared: &'static Shared = Box::leak(Box::default());
+    fake.untaken.set(1);
+    shared.set_joints([joint(0.5), None, None, None]);
+    let stop = |request: &Packet, _: &mut Vec<u8>| {
+        if request.code == 2 && request.parameters()[0] == TORQUE_ENABLE {
+            shared.set_joints([doing(ServoAction::Hold), None, None, None]);
+        }
+    };
+    *fake.spoil.borrow_mut() = Some(Box::new(stop));
+    visit(&fake, shared, &clock, 2);
+    assert_eq!(fake.writes.get(), 1);
+}

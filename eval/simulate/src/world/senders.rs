@@ -17,6 +17,8 @@ const STOP_MS: u64 = 3;
 /// For this time nothing that came before that stop may act, ms.
 const QUIET_MS: u64 = 60;
 
+/// A request to leave the safe state acts within this time, ns: three ticks.
+const CLEAR_NS: u64 = 3_000_000;
 /// The board answers a caller within this time, ns, or not at all.
 const CALL_NS: u64 = 300_000_000;
 
@@ -298,7 +300,8 @@ impl World {
         if matches!(fault.kind, FaultKind::Supply { .. }) {
             self.board_supply.on_fault(now_ns, fault_ns);
         }
-        if self.cleared_ns < fault_ns {
+        // It is cleared a tick or two after that was requested.
+        if self.cleared_ns + CLEAR_NS < fault_ns {
             self.servos.on_fault(now_ns, fault_ns);
             self.servos.on_latched(now_ns);
         }

@@ -2,7 +2,6 @@
 
 use super::{Bench, end, row, two_valves};
 use crate::output::SwitchLimit;
-use crate::profile::Profile;
 use crate::sequencer::{Command, CommandError, FaultKind};
 use crate::table::Record;
 use crate::units::ActuatorId;
