@@ -86,6 +86,8 @@ pub struct World {
     inbox: VecDeque<u8>,
     /// Number of the connection that a host used last.
     host_link: u32,
+    /// When a record of the store was damaged last.
+    store_damaged_ns: Option<u64>,
     disturbed_ns: u64,
     hostile_ns: Option<u64>,
     /// When the first and the second host sent something last that acts, ns.
@@ -173,6 +175,7 @@ impl World {
             session: 0,
             inbox: VecDeque::new(),
             host_link: 0,
+            store_damaged_ns: None,
             disturbed_ns: 0,
             hostile_ns: None,
             acted_ns: [None; 2],

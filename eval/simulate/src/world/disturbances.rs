@@ -116,7 +116,7 @@ impl World {
         self.say("world", || format!("{count} copies are damaged"));
         if count > 0 {
             self.person.on_lost(self.bench.now_ns());
-            self.reports.on_store_damaged();
+            self.on_store_damaged();
             self.has_own_table = false;
         }
         self.bench.reset();

@@ -69,6 +69,9 @@ impl World {
         let of_others = self.commits.iter().filter(|&&(by, _, at_ns)| by != party && at_ns >= began_ns);
         let concurrent: Vec<u64> = of_others.map(|commit| commit.1).collect();
         self.reports.on_upload(self.now_ns(), model, ending, &concurrent);
+        if self.store_damaged_ns.is_some_and(|at_ns| at_ns >= began_ns) {
+            self.reports.on_store_damaged();
+        }
     }
 
     /// This host had a stop confirmed that it began then: what still moves, if nobody else has acted since.

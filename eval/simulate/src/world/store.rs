@@ -18,9 +18,15 @@ impl World {
         !self.acts.is_empty()
     }
 
+    /// The board may have no table from now on, whatever an upload that began before says at its end.
+    pub(super) fn on_store_damaged(&mut self) {
+        self.store_damaged_ns = Some(self.now_ns());
+        self.reports.on_store_damaged();
+    }
+
     /// Another profile may be in force from now on: no table of the script is for it.
     pub fn on_profile_replaced(&mut self) {
-        self.reports.on_store_damaged();
+        self.on_store_damaged();
         self.servos.on_other_range();
         self.has_own_table = false;
     }
