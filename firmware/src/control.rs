@@ -18,7 +18,7 @@ mod button;
 mod order;
 
 use core::cell::Cell;
-use core::sync::atomic::{AtomicI16, AtomicU16, AtomicU32, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicI16, AtomicU16, AtomicU32, Ordering};
 
 use darm_core::duty::{DutyMeters, MeterLimit};
 use darm_core::output::{MAX_SERVOS, ServoWiring};
@@ -112,6 +112,8 @@ pub struct Shared<'t> {
     /// Stops that were requested, and those that have been done.
     stops: AtomicU32,
     stops_done: AtomicU32,
+    /// There may be servos that no profile knows.
+    has_lost_servos: AtomicBool,
     /// Visits of servos that got no answer.
     servos_unanswered: AtomicU32,
     /// Times that the output chain returned something else than was shifted into it.
@@ -135,6 +137,7 @@ impl<'t> Shared<'t> {
             joints: Mutex::new(Cell::new([None; MAX_SERVOS])),
             stops: AtomicU32::new(0),
             stops_done: AtomicU32::new(0),
+            has_lost_servos: AtomicBool::new(false),
             servos_unanswered: AtomicU32::new(0),
             chain_errors: AtomicU32::new(0),
             supply_mv: AtomicU16::new(0),
@@ -244,7 +247,19 @@ impl<'t> Shared<'t> {
 
     /// What a stop does with the servos of the profile.
     pub(crate) fn servos(&self) -> Servos {
-        if self.joints().iter().any(Option::is_some) { Servos::Ordered } else { Servos::Absent }
+        if self.joints().iter().any(Option::is_some) {
+            Servos::Ordered
+        } else if self.has_lost_servos.load(Ordering::Relaxed) {
+            // They may still be on the way to what a profile that is lost let them be sent to.
+            Servos::Uncontrolled
+        } else {
+            Servos::Absent
+        }
+    }
+
+    /// No profile says which servos there are, though there was one.
+    pub(crate) fn lose_servos(&self) {
+        self.has_lost_servos.store(true, Ordering::Relaxed);
     }
 
     /// Whether all requested stops have been done.

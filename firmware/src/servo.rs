@@ -129,8 +129,8 @@ struct Known {
     place: Option<Place>,
     /// The position that it is to hold, steps.
     goal: Option<i16>,
-    /// It has answered that it has this goal.
-    has_taken: bool,
+    /// What it is to do is its first order since the start.
+    is_first: bool,
     /// Steps from its target, at the nearest since it set off.
     nearest: u16,
     progress: Progress,
@@ -236,20 +236,21 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
         self.note(index, |known| (known.place, known.is_silent) = (Some(sample.place), false));
         let seen = sample.seen();
         shared.set_servo_breach(index, breach);
-        if shared.servo_seen(index).answered.is_none() {
-            // What is written next may drive it although its answer is lost: from now on its silence counts.
-            shared.see_servo(index, seen);
-        }
         // What it is to do may have changed meanwhile: no target from before a stop is written after it.
         let Some(joint) = shared.joints().get(index).copied().flatten() else { return Ok(seen) };
         self.note(index, |known| known.begin(joint.action));
+        if goes(&joint.action) && shared.servo_seen(index).answered.is_none() {
+            // What is written next drives it although its answer may be lost: from now on its silence counts. A servo that is to hold has
+            // not answered before it has that order: a start waits for it.
+            shared.see_servo(index, seen);
+        }
         let known = self.known(index);
         if known.progress == Progress::Done && known.visits <= REWRITE_VISITS {
             return Ok(seen);
         }
         match joint.action {
             ServoAction::Go(target) => self.go(index, &joint, goal(&target, &joint.limit), shared).await?,
-            ServoAction::Hold => self.hold(index, &joint.limit, &sample).await?,
+            ServoAction::Hold => self.hold(index, &joint.limit, &sample, before.is_none()).await?,
             ServoAction::Release => self.release(index, joint.limit.id).await?,
         }
         let is_deaf = self.known(index).tries > MAX_TRIES;
@@ -283,26 +284,39 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
     }
 
     /// Out of the range by more than its load bends it, or further round than one turn, it holds too: to turn back would be a motion that
-    /// nobody requested.
-    async fn hold(&mut self, index: usize, limit: &ServoWiring, sample: &Sample) -> Result<(), BusError> {
+    /// nobody requested. `is_back`: it had been silent.
+    async fn hold(
+        &mut self,
+        index: usize,
+        limit: &ServoWiring,
+        sample: &Sample,
+        is_back: bool,
+    ) -> Result<(), BusError> {
         let known = self.known(index);
-        let mut first = *sample;
-        // One that has answered that it goes has torque: its hold does not wait for a further answer.
-        if known.progress != Progress::Due || !known.is_driven {
+        let (mut first, mut in_force) = (*sample, None);
+        // One that has answered that it goes has torque: its first hold does not wait for a further answer.
+        if known.progress != Progress::Due || !known.is_driven || known.goal.is_some() {
             let found = self.registers(limit.id).await?;
             let [torque, ..] = found;
-            // One that loses its torque while it holds keeps its goal: where it sinks from there, it has moved.
             if torque == 0 {
-                self.note(index, |known| known.is_done(false));
+                self.note(index, |known| {
+                    // One that loses its torque while it holds keeps its goal: where it sinks from there, it has moved. Another stop, or
+                    // a supply that was away, lets it be moved by hand.
+                    if known.progress == Progress::Due || is_back {
+                        known.goal = None;
+                    }
+                    known.is_done(false);
+                });
                 return Ok(());
             }
             let wanted = known.goal.map(|steps| goal_registers(steps, limit));
-            let has_goal = wanted.is_some_and(|wanted| position(&found) == position(&wanted));
-            self.note(index, |known| known.has_taken |= has_goal);
             if known.progress != Progress::Due && wanted.is_some_and(|wanted| keeps(&found, &wanted)) {
                 self.note(index, |known| known.is_done(true));
                 return Ok(());
             }
+            // What another start ordered it to hold is as good as what this one did; damage may have given it another goal since.
+            let goal = place::signed(position(&found));
+            in_force = Some(goal).filter(|goal| known.goal.map_or(known.is_first, |own| own == *goal));
             // Reading the registers took a millisecond.
             first = self.agree(limit, Some(first.place)).await?;
         }
@@ -313,13 +327,12 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
             return Err(BusError::Doubtful);
         }
         let seen = median([first, second, third].map(|sample| sample.place.steps));
-        // No load bends a servo from a goal that it never had.
-        let has_taken = self.known(index).has_taken;
-        let is_kept = |goal: &i16| has_taken && goal.abs_diff(seen) <= BENT_STEPS;
-        let steps = known.goal.filter(is_kept).unwrap_or_else(|| place_to_hold(seen, limit));
+        // The load has bent it from the goal that it has: its place for another goal would bend it once more.
+        let is_kept =
+            |goal: &i16| goal.abs_diff(seen) <= BENT_STEPS && (known.goal.is_some() || is_in_range(*goal, limit));
+        let steps = in_force.filter(is_kept).unwrap_or_else(|| place_to_hold(seen, limit));
         self.note(index, |known| {
             known.place = Some(third.place);
-            known.has_taken &= known.goal == Some(steps);
             (known.goal, known.settling) = (Some(steps), SETTLE_VISITS);
             known.tries(known.is_driven);
         });
@@ -445,8 +458,8 @@ impl Known {
     fn begin(&mut self, action: ServoAction) {
         if self.action != Some(action) {
             // One that goes has no position that it holds.
-            (self.action, self.progress, self.goal, self.has_taken) = (Some(action), Progress::Due, None, false);
-            (self.settling, self.tries) = (SETTLE_VISITS, 0);
+            self.is_first = self.action.is_none();
+            (self.action, self.progress, self.goal, self.settling) = (Some(action), Progress::Due, None, SETTLE_VISITS);
         }
         self.visits = self.visits.saturating_add(1);
     }
@@ -457,7 +470,12 @@ impl Known {
         self.settling = self.settling.saturating_sub(1);
         let (breach, last) = (self.breach(limit, before, sample), self.breach);
         self.breach = breach;
-        breach.filter(|_| last == breach || sample.has_jumped)
+        let reported = breach.filter(|_| last == breach || sample.has_jumped);
+        if reported == Some(ServoBreach::Moved) && !self.is_driven {
+            // It is where it has sunk to. That was reported, and the safe state can be left.
+            self.goal = None;
+        }
+        reported
     }
 
     fn breach(&mut self, limit: &ServoWiring, before: Option<Place>, sample: &Sample) -> Option<ServoBreach> {
@@ -509,9 +527,18 @@ fn goes(action: &ServoAction) -> bool {
 /// The position to hold, steps: where the servo is. One that its load has bent over the edge of its range holds at the edge: with its
 /// place for the goal each start would bend it further out.
 fn place_to_hold(seen: i16, limit: &ServoWiring) -> i16 {
-    let [low, high] = [limit.min_rad, limit.max_rad].map(|rad| steps(rad) as i16);
+    let [low, high] = range_steps(limit);
     let bent = low.saturating_sub(RANGE_MARGIN_STEPS)..=high.saturating_add(RANGE_MARGIN_STEPS);
     if bent.contains(&seen) { seen.max(low).min(high) } else { seen }
+}
+
+fn is_in_range(goal: i16, limit: &ServoWiring) -> bool {
+    let [low, high] = range_steps(limit);
+    (low..=high).contains(&goal)
+}
+
+fn range_steps(limit: &ServoWiring) -> [i16; 2] {
+    [limit.min_rad, limit.max_rad].map(|rad| steps(rad) as i16)
 }
 
 /// The middle one: a single one that is damaged is none of the three, or lies between the two others.

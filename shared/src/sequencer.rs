@@ -337,7 +337,7 @@ impl<'t> Sequencer<'t> {
     fn release(&mut self) -> Result<(), FaultKind> {
         let before = self.coils.word();
         self.coils.release(self.now)?;
-        self.switches.travel(self.now, self.coils.moved_from(&before));
+        self.switches.travel(self.now, self.coils.word().differing(&before));
         Ok(())
     }
 

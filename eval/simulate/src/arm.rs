@@ -180,7 +180,13 @@ impl ArmPlan {
         let own = |actuator: &ActuatorPlan| {
             let own = coils.by_ref().take(if actuator.states > 2 { 2 } else { 1 }).collect();
             let (input, closed_in) = actuator.switch?;
-            Some(SwitchCeiling { coils: own, states: actuator.states, input, closed_in, travel_ms: actuator.travel_ms.into() })
+            Some(SwitchCeiling {
+                coils: own,
+                states: actuator.states,
+                input,
+                closed_in,
+                travel_ms: actuator.travel_ms.into(),
+            })
         };
         self.actuators.iter().filter_map(own).collect()
     }

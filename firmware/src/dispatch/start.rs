@@ -49,6 +49,7 @@ impl<'t, F: NorFlash, C: Clock> Dispatcher<'_, 't, F, C> {
     fn drive_nothing(&mut self, profile: &'t mut Profile, reason: Refusal) {
         *profile = Profile::empty();
         self.profile = profile;
+        self.shared.lose_servos();
         self.rejected = Some(reason);
     }
 }

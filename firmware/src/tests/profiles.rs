@@ -7,6 +7,7 @@ use darm_core::profile::{
 use darm_core::sequencer::{Command, CommandError, FaultKind, Phase};
 use darm_core::table::TableError;
 use darm_core::wire::bootstrap;
+use darm_core::wire::bootstrap::Servos;
 use darm_core::wire::frame::Header;
 use darm_core::wire::message::{Answer, Refusal, Request};
 
@@ -224,4 +225,5 @@ fn both_copies_of_the_record_of_a_profile_are_damaged_and_nothing_is_driven() {
     let bench = Bench::new(cells);
     bench.connect();
     assert_eq!(outputs(&bench), 0, "the limits that are built in are in force");
+    assert_eq!(bench.shared.servos(), Servos::Uncontrolled, "they may be on their way");
 }

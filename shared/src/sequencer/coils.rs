@@ -106,18 +106,6 @@ impl<'t> Coils<'t> {
         self.word
     }
 
-    /// Actuators, bit `a` for actuator `a`, that are not as this word says. Until the supply has fed all of the next one they move
-    /// already, and the others still are as it says.
-    pub(super) fn moved_from(&self, word: &Word) -> u64 {
-        let is_moved = |(index, _): &(usize, u64)| {
-            let Some([low, high]) = self.of_digit.get(*index) else { return false };
-            let digit = word.digit(*index);
-            let said = if digit & 1 != 0 { *low } else { 0 } | if digit & 2 != 0 { *high } else { 0 };
-            self.on & (low | high) != said
-        };
-        Bits::of(self.wanted.differing(word)).filter(is_moved).fold(0, |moved, (_, bit)| moved | bit)
-    }
-
     /// Levels of the output lines.
     pub(super) fn lines(&self) -> u64 {
         self.lines

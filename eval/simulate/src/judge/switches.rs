@@ -12,8 +12,6 @@ const MS: u64 = 1_000_000;
 /// A contradiction counts once it has been there for this time, and is acted on within it, in board time: contacts bounce for
 /// three ticks, the inputs are a tick old, and the lines follow a tick later.
 const NOTICE_MS: u64 = 6;
-/// The window of the supply ends this much later at most, in board time: a tick, and the tick in which what waited is fed.
-const WINDOW_SLACK_MS: u64 = 2;
 /// Spans of an actuator that are kept until the start of a program is reported.
 const SPANS: usize = 16;
 
@@ -23,8 +21,6 @@ struct Track {
     digit: u8,
     /// Since when the board says so too, while lines were on.
     since_ns: Option<u64>,
-    /// It does not say so yet: a word by hand counts once all its loads are fed.
-    is_waiting: bool,
     /// Since when its switch contradicts that.
     wrong_ns: Option<u64>,
     /// Since when it does so while lines are on and it has not moved since they were all off, and the last such spans that ended.
@@ -38,8 +34,6 @@ pub struct Switches {
     actuators: Vec<SwitchCeiling>,
     tracks: Vec<Track>,
     lines: u64,
-    /// Lines that have gone on within the supply's window, with their time.
-    fed: VecDeque<(u64, u32)>,
     /// When something was wrong with an input, a switch or a valve last.
     disturbed_ns: Option<u64>,
     verdict: Verdict,
@@ -49,8 +43,8 @@ impl Switches {
     /// Actuators at rest.
     pub fn new(ceilings: Ceilings, actuators: Vec<SwitchCeiling>) -> Self {
         let tracks = vec![Track::default(); actuators.len()];
-        let (lines, fed, disturbed_ns) = (0, VecDeque::new(), None);
-        Self { ceilings, actuators, tracks, lines, fed, disturbed_ns, verdict: Verdict::default() }
+        let (lines, disturbed_ns) = (0, None);
+        Self { ceilings, actuators, tracks, lines, disturbed_ns, verdict: Verdict::default() }
     }
 
     /// Something is wrong with an input, a switch or a valve now.
@@ -62,21 +56,16 @@ impl Switches {
     pub fn look(&mut self, now_ns: u64, lines: u64, inputs: u32, is_watched: bool) {
         let rising = lines & !self.lines;
         let was = std::mem::replace(&mut self.lines, lines);
-        let may_wait = self.may_wait(now_ns, rising);
         for (actuator, track) in self.actuators.iter().zip(&mut self.tracks) {
             if lines == 0 {
                 // Nothing is expected of a switch while the board drives nothing.
-                (track.since_ns, track.wrong_ns, track.is_waiting) = (None, None, false);
+                (track.since_ns, track.wrong_ns) = (None, None);
             }
             let digit = digit(actuator, track.digit, lines, rising);
             if digit != track.digit && lines != 0 {
                 // What a latch is reset to after a stop is no change for the board, which counts it as reset.
                 let has_set = digit & !track.digit != 0 || actuator.coils.iter().all(|coil| coil.1.is_none());
-                (track.since_ns, track.wrong_ns, track.is_waiting) = (has_set.then_some(now_ns), None, true);
-            }
-            track.is_waiting &= may_wait;
-            if track.is_waiting {
-                track.since_ns = track.since_ns.map(|_| now_ns);
+                (track.since_ns, track.wrong_ns) = (has_set.then_some(now_ns), None);
             }
             track.digit = digit;
             let is_closed = inputs >> actuator.input & 1 == 1;
@@ -91,7 +80,8 @@ impl Switches {
             track.resting_ns = if is_resting { track.resting_ns.or(Some(now_ns)) } else { None };
             // A latch that somebody has set before is reset for the board: of such a state it knows nothing.
             let is_state = digit < actuator.states;
-            let counts = is_watched && is_wrong && is_state && was != 0 && arrived_ns.is_some_and(|at_ns| now_ns >= at_ns);
+            let counts =
+                is_watched && is_wrong && is_state && was != 0 && arrived_ns.is_some_and(|at_ns| now_ns >= at_ns);
             track.wrong_ns = if counts { track.wrong_ns.or(Some(now_ns)) } else { None };
             if track.wrong_ns.is_some_and(|wrong_ns| now_ns > wrong_ns + self.ceilings.true_ns(NOTICE_MS)) {
                 let (input, seen) = (actuator.input, if is_closed { "closed" } else { "open" });
@@ -100,19 +90,6 @@ impl Switches {
                 });
             }
         }
-    }
-
-    /// Whether loads of a word by hand may wait for the supply: as many lines have gone on within its window as it feeds loads. A
-    /// load of two lines counts twice here, which lets the judge wait longer than needed, never less.
-    fn may_wait(&mut self, now_ns: u64, rising: u64) -> bool {
-        if rising != 0 {
-            self.fed.push_back((now_ns, rising.count_ones()));
-        }
-        let window_ns = self.ceilings.true_ns(u64::from(self.ceilings.budget_ms) + WINDOW_SLACK_MS);
-        while self.fed.front().is_some_and(|&(at_ns, _)| at_ns + window_ns < now_ns) {
-            self.fed.pop_front();
-        }
-        self.fed.iter().map(|&(_, lines)| lines).sum::<u32>() >= u32::from(self.ceilings.new_loads)
     }
 
     /// The board reports that a program has started at this true time, and nobody else has acted since: after the time of travel each
@@ -198,15 +175,6 @@ mod tests {
         assert!(is_ignored(judge(None), &[(10, 0, 0), (70, 1, 0)]));
         assert!(is_ignored(judge(None), &[(10, 0, 0), (40, 1, 0), (100, 1, 8), (9, 1, 0)]), "it left its stop");
         assert!(!is_ignored(judge(None), &[(10, 0, 0), (40, 1, 0), (100, 1, 8), (3, 1, 0), (9, 1, 8)]), "it bounced");
-    }
-
-    #[test]
-    fn a_load_that_goes_on_later_postpones_nothing_while_the_supply_feeds_more() {
-        for (new_loads, is_seen) in [(1, false), (3, true)] {
-            let mut judge = judge(None);
-            judge.ceilings.new_loads = new_loads;
-            assert_eq!(is_ignored(judge, &[(10, 0, 0), (8, 1, 0), (8, 3, 0), (8, 7, 0), (34, 15, 0)]), is_seen);
-        }
     }
 
     #[test]

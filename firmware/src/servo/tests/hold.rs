@@ -495,12 +495,17 @@ fn a_servo_that_loses_its_torque_while_it_holds_and_sinks_has_moved() {
             bus.visit_all(&shared).await;
         }
         fake.registers.borrow_mut()[40] = 0;
-        for sunk in 0..120 {
+        let mut reported = 0;
+        for sunk in 0..220 {
             stand_at(&fake, 2500 - sunk);
             bus.visit_all(&shared).await;
+            reported += u32::from(shared.servo_breaches()[0] == Some(ServoBreach::Moved));
         }
-        assert_eq!((goal_of(&fake), fake.registers.borrow()[40]), (2500, 0));
-        assert_eq!(shared.servo_breaches()[0], Some(ServoBreach::Moved));
+        assert_eq!(
+            (goal_of(&fake), fake.registers.borrow()[40], reported),
+            (2500, 0, 1),
+            "once: the safe state can be left"
+        );
     };
     run(visits, || clock.0.set(clock.0.get() + 100));
 }
@@ -526,4 +531,78 @@ fn a_servo_that_does_not_take_what_it_is_told_counts_as_silent_and_does_not_cree
     let tries = usize::from(MAX_TRIES);
     assert!(answered[..tries].is_sorted_by(|before, after| before < after), "{answered:?}");
     assert!(answered[tries..].iter().all(|at| *at == answered[tries]), "{answered:?}");
+}
+
+/// Its supply was switched off, and a hand moved it.
+#[test]
+fn a_servo_that_comes_back_without_torque_may_have_been_moved() {
+    let (fake, shared, clock) = (under_way(2500), Shared::new(), HandClock::default());
+    shared.set_joints([doing(ServoAction::Hold), None, None, None]);
+    let mut bus = Bus::new(&fake, &fake, &clock);
+    let visits = async {
+        for _ in 0..100 {
+            bus.visit_all(&shared).await;
+        }
+        fake.mute.set(true);
+        bus.visit_all(&shared).await;
+        fake.mute.set(false);
+        fake.out.borrow_mut().clear();
+        fake.registers.borrow_mut()[40] = 0;
+        stand_at(&fake, 2200);
+        for _ in 0..100 {
+            bus.visit_all(&shared).await;
+            assert_eq!(shared.servo_breaches()[0], None);
+        }
+    };
+    run(visits, || clock.0.set(clock.0.get() + 100));
+}
+
+/// One that was on its way: its first hold does not ask for its registers.
+#[test]
+fn a_stop_in_each_visit_lets_no_loaded_servo_creep() {
+    let (fake, shared, clock) = (Fake::new(), Shared::new(), HandClock::default());
+    shared.set_joints([joint(0.5), None, None, None]);
+    let mut bus = Bus::new(&fake, &fake, &clock);
+    let visits = async {
+        for _ in 0..3 {
+            bus.visit_all(&shared).await;
+        }
+        let reached = goal_of(&fake);
+        shared.set_joints([doing(ServoAction::Hold), None, None, None]);
+        for _ in 0..100 {
+            bus.visit_all(&shared).await;
+            stand_at(&fake, goal_of(&fake) - 5);
+            shared.stop();
+        }
+        assert_eq!(goal_of(&fake), reached);
+    };
+    run(visits, || clock.0.set(clock.0.get() + 100));
+}
+
+#[test]
+fn no_start_lets_a_loaded_servo_sink() {
+    let fake = under_way(2500);
+    fake.registers.borrow_mut().copy_within(56..58, 42);
+    for start in 0..20 {
+        let (shared, clock) = (Shared::new(), HandClock::default());
+        shared.set_joints([doing(ServoAction::Hold), None, None, None]);
+        visit(&fake, &shared, &clock, 3);
+        assert_eq!(goal_of(&fake), 2500, "start {start}");
+        stand_at(&fake, 2495);
+    }
+}
+
+/// A start waits for that order before it writes the flash.
+#[test]
+fn a_servo_that_is_to_hold_has_not_answered_before_it_has_the_order() {
+    let (fake, clock) = (under_way(2500), HandClock::default());
+    let shared: &'static Shared = Box::leak(Box::default());
+    shared.set_joints([doing(ServoAction::Hold), None, None, None]);
+    let spoil = |request: &Packet, _: &mut Vec<u8>| {
+        if request.code == 3 {
+            assert_eq!(shared.servo_seen(0).answered, None);
+        }
+    };
+    *fake.spoil.borrow_mut() = Some(Box::new(spoil));
+    assert!(visit(&fake, shared, &clock, 1).answered.is_some());
 }

@@ -107,6 +107,13 @@ impl Coils<'_> {
         }
         if self.set_all(now, now, self.on ^ self.target | self.unknown & self.asked)? {
             self.word = self.wanted;
+        } else {
+            // The supply has not fed all of the word: each actuator is as its coils are.
+            for (index, _) in Bits::of(self.wanted.differing(&self.word)) {
+                let Some([low, high]) = self.of_digit.get(index) else { continue };
+                let digit = u8::from(self.on & low != 0) | u8::from(self.on & high != 0) << 1;
+                self.word = self.word.with_digit(index, digit);
+            }
         }
         Ok(())
     }

@@ -74,3 +74,15 @@ fn a_valve_that_the_supply_has_not_fed_yet_is_watched() {
     let expected = FaultKind::Switch { actuator: ActuatorId(1), expected_closed: false, seen_closed: true };
     assert_eq!(bench.fault(), Some(expected));
 }
+
+/// The second one waits for the supply, and the first one does not move.
+#[test]
+fn a_valve_that_sticks_while_the_word_waits_for_the_supply_is_found() {
+    let mut bench = fed_one_at_a_time();
+    bench.follows = false;
+    bench.seen.switches = 0;
+    bench.command(Command::Word("11".parse().unwrap())).unwrap();
+    bench.run(40);
+    let expected = FaultKind::Switch { actuator: ActuatorId(0), expected_closed: true, seen_closed: false };
+    assert_eq!(bench.fault(), Some(expected));
+}

@@ -56,8 +56,8 @@ impl Confirmation {
         match self {
             Self::Confirmed => "all coils are off",
             Self::OutputsAlone => {
-                "all coils are off, but the servos are not controlled by this board now, which is held after crashes: cut their \
-                 supply"
+                "all coils are off, but the servos are not controlled by this board now, which is held after crashes or has lost its \
+                 profile: cut their supply"
             }
             Self::Missing => {
                 "the stop was sent, but the board did not confirm it within 1 s; switch off the arm's supply"
