@@ -44,7 +44,7 @@ const GROUPS: [Group; 6] = [
     Group {
         name: "robots",
         about: "Kinematics and dynamics of arms and of robots as URDF, MJCF and Denavit-Hartenberg tables",
-        commands: &["fk", "jacobian", "ik", "dynamics", "model", "inertia", "odometry", "draw"],
+        commands: &["fk", "jacobian", "ik", "dynamics", "model", "generate", "inertia", "odometry", "draw"],
     },
     Group { name: "papers", about: "Methods of the five papers", commands: &["grasp", "com", "bench-ik"] },
     Group {

@@ -15,6 +15,7 @@ mod draw;
 mod dynamics;
 mod fk;
 mod flash;
+mod generate;
 mod grasp;
 mod help;
 mod ik;
@@ -109,6 +110,7 @@ pub(crate) enum Command {
     Dynamics(dynamics::Dynamics),
     Com(com::Com),
     Model(model::Model),
+    Generate(generate::Generate),
     Inertia(inertia::Inertia),
     Odometry(odometry::Odometry),
     Draw(draw::Draw),
@@ -151,6 +153,7 @@ impl Command {
             Self::Dynamics(command) => command.run(ui),
             Self::Com(command) => command.run(ui),
             Self::Model(command) => command.run(ui),
+            Self::Generate(command) => command.run(ui),
             Self::Inertia(command) => command.run(ui),
             Self::Odometry(command) => command.run(ui),
             Self::Draw(command) => command.run(ui),

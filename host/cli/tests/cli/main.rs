@@ -32,8 +32,9 @@ mod sim;
 mod stop;
 mod unfinished;
 
-const COMMANDS: [&str; 35] = [
+const COMMANDS: [&str; 36] = [
     "synth",
+    "generate",
     "adjust",
     "bringup",
     "table",

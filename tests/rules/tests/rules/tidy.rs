@@ -29,7 +29,7 @@ const LAYERS: [&str; 19] = [
     "wire",
 ];
 /// The crates with their folders, lowest first, and the crates that each depends on: exactly these.
-const CRATES: [(&str, &str, &[&str]); 23] = [
+const CRATES: [(&str, &str, &[&str]); 24] = [
     ("darm-core", "shared", &[]),
     ("darm-firmware", "firmware", &["darm-core"]),
     ("darm-b-l475e-iot01a", "firmware/boards/b-l475e-iot01a", &["darm-core", "darm-firmware"]),
@@ -37,6 +37,7 @@ const CRATES: [(&str, &str, &[&str]); 23] = [
     ("darm-olimex-stm32-h405", "firmware/boards/olimex-stm32-h405", &["darm-core", "darm-firmware"]),
     ("darm-robot", "host/robot", &["darm-core"]),
     ("darm-arm", "host/arm", &["darm-core", "darm-robot"]),
+    ("darm-generate", "host/generate", &["darm-core", "darm-robot"]),
     ("darm-device", "host/device", &["darm-arm", "darm-core"]),
     ("darm-sim", "host/sim", &["darm-arm", "darm-core", "darm-device", "darm-firmware"]),
     ("darm-measure", "host/measure", &["darm-arm", "darm-core", "darm-robot"]),
@@ -55,6 +56,7 @@ const CRATES: [(&str, &str, &[&str]); 23] = [
             "darm-core",
             "darm-device",
             "darm-diagnose",
+            "darm-generate",
             "darm-measure",
             "darm-papers",
             "darm-robot",
