@@ -5,7 +5,7 @@
 
 use heapless::Vec;
 
-use crate::actuator::{DiscreteJoint, JointKind, MAX_LEGS, Stage};
+use crate::actuator::{DiscreteJoint, JointKind, MAX_LEGS, Settings, Stage};
 use crate::chain::{Chain, ChainError, Scratch};
 pub use crate::effect::Condition;
 use crate::effect::{Effect, Place, Site};
@@ -94,9 +94,25 @@ impl<T: Real, const N: usize> Model<T, N> {
     /// The word, the word before or the servo positions of `condition` do not fit the chain, or a platform cannot be
     /// assembled with the legs that the effects give it.
     pub fn predict(&self, condition: &Condition<T>, scratch: &mut Scratch<T, N>) -> Result<Pose<T>, ChainError> {
+        self.configure(condition, scratch)?;
+        let unloaded = self.chain.assemble(scratch)?;
+        if self.bears_load() {
+            self.settle(condition, scratch)?;
+            return Ok(self.seen(scratch.pose_base_tool, condition));
+        }
+        Ok(self.seen(unloaded, condition))
+    }
+
+    /// Writes what each actuator is set to under `condition` without loads, with all effects, and leaves the poses of
+    /// `scratch` as they were.
+    ///
+    /// # Errors
+    ///
+    /// The word, the word before or the servo positions of `condition` do not fit the chain.
+    pub fn configure(&self, condition: &Condition<T>, scratch: &mut Scratch<T, N>) -> Result<(), ChainError> {
         self.chain.configure(&condition.word, condition.servos, scratch)?;
         if self.effects.is_empty() {
-            return self.chain.assemble(scratch);
+            return Ok(());
         }
         self.check_previous(condition)?;
         self.each_effect(condition, |effect, site, leg| {
@@ -107,12 +123,12 @@ impl<T: Real, const N: usize> Model<T, N> {
                 effect.turn(&mut scratch.settings[stage][0]);
             }
         }
-        let unloaded = self.chain.assemble(scratch)?;
-        if self.effects.iter().any(|effect| effect.bears_load()) {
-            self.settle(condition, scratch)?;
-            return Ok(self.seen(scratch.pose_base_tool, condition));
-        }
-        Ok(self.seen(unloaded, condition))
+        Ok(())
+    }
+
+    /// Whether an actuator gives way under load.
+    pub fn bears_load(&self) -> bool {
+        self.effects.iter().any(|effect| effect.bears_load())
     }
 
     /// The stage of the servo joint that an effect acts on.
@@ -133,12 +149,8 @@ impl<T: Real, const N: usize> Model<T, N> {
         let unloaded_settings = scratch.settings;
         let settled = real::<T>(SETTLED) + T::default_epsilon() * real(16.0);
         for _ in 0..MAX_SETTLINGS {
-            let loads = self.loads(scratch, condition.load_kg);
-            let mut moved = T::zero();
-            let before = core::mem::replace(&mut scratch.settings, unloaded_settings);
-            self.each_effect(condition, |effect, site, leg| {
-                scratch.settings[site.stage][leg].value += effect.deflection(site, loads[site.stage][leg]);
-            });
+            let (mut moved, before) = (T::zero(), scratch.settings);
+            self.give_way(condition, &unloaded_settings, scratch);
             for (stage, leg) in self.chain.actuators() {
                 moved = moved.max((scratch.settings[stage][leg].value - before[stage][leg].value).abs());
             }
@@ -148,6 +160,15 @@ impl<T: Real, const N: usize> Model<T, N> {
             }
         }
         Ok(())
+    }
+
+    /// Replaces the settings in `scratch` by `unloaded` ones that give way under the loads of the posture there.
+    pub fn give_way(&self, condition: &Condition<T>, unloaded: &[Settings<T>; N], scratch: &mut Scratch<T, N>) {
+        let loads = self.loads(scratch, condition.load_kg);
+        scratch.settings = *unloaded;
+        self.each_effect(condition, |effect, site, leg| {
+            scratch.settings[site.stage][leg].value += effect.deflection(site, loads[site.stage][leg]);
+        });
     }
 
     /// What each actuator of each stage bears by the weights further out, in the posture of `scratch`, when the tool carries

@@ -2,7 +2,7 @@
 
 use super::MAX_STATES;
 use crate::real::{Real, Vec3, cast};
-use crate::se::{Pose, Twist};
+use crate::se::{Pose, Twist, rotation_about};
 
 /// What a joint does along its axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,7 +45,10 @@ pub struct ServoJoint<T: Real> {
 impl<T: Real> Axis<T> {
     /// The pose of the top in the base at `value`.
     pub fn pose(&self, value: T) -> Pose<T> {
-        Pose::exp(&(self.twist() * value))
+        match self.kind {
+            JointKind::Revolute => Pose { rotation: rotation_about(&self.direction, value), position: Vec3::zeros() },
+            JointKind::Prismatic => Pose::at(self.direction * value),
+        }
     }
 
     /// How the top moves per unit of the value: the same expressed in the base and in the top.

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::arms::{planar_module, seeded, spatial_module};
-use crate::real::real;
+use crate::real::{Vec3, real};
 
 fn settings<const LEGS: usize>(platform: &Platform<f64, LEGS>, shares: &[f64]) -> Settings<f64> {
     core::array::from_fn(|k| {
@@ -32,6 +32,27 @@ proptest! {
         prop_assert!(miss::<3>(&legs, &assembly.pose) < 1e-15 * 4.0);
         prop_assert!(assembly.iterations <= 6, "{} steps", assembly.iterations);
         prop_assert!(assembly.pose.is_planar());
+    }
+
+    #[test]
+    fn legs_that_share_an_anchor_need_no_iteration(shares in prop::array::uniform3(-0.1..1.1)) {
+        // The planar module's diagonal shares the base anchor of one leg and the top anchor of the other; without one, the other.
+        let (mut module, aside) = (planar_module(), Vec3::new(0.03, 0.05, 0.0));
+        for leg in [0, 2] {
+            let legs = settings(&module, &shares);
+            let form = module.closed_form(&legs).unwrap();
+            let (newton, closed) = (module.assemble(&legs).unwrap().pose, form.pose(&legs, &module.home));
+            // A few tens of roundings of lengths up to 2 m, over the sine of the angle at which circles meet.
+            prop_assert!(newton.distance(&closed, 1.0) < 1e-13, "{}", newton.distance(&closed, 1.0));
+            module.legs[leg].top += aside;
+            module.legs[leg].base += aside;
+            let lengths = module.lengths(&module.home);
+            module.legs.iter_mut().zip(lengths).for_each(|(leg, length)| {
+                let stroke = leg.length_m[1] - leg.length_m[0];
+                (leg.length_m[0], leg.length_m[1]) = (length, length + stroke);
+            });
+        }
+        prop_assert_eq!(module.closed_form(&settings(&module, &shares)), None);
     }
 
     #[test]

@@ -183,10 +183,23 @@ impl<T: Real, const N: usize> Chain<T, N> {
     ///
     /// [`ChainError::Platform`]: a parallel platform has no pose for its settings.
     pub fn assemble(&self, scratch: &mut Scratch<T, N>) -> Result<Pose<T>, ChainError> {
+        self.assemble_with(scratch, |_, stage, settings| stage.pose(settings))
+    }
+
+    /// As [`assemble`](Self::assemble), with the pose of each stage, whose number and settings are given, from `pose_of`.
+    ///
+    /// # Errors
+    ///
+    /// [`ChainError::Platform`]: an error of `pose_of`.
+    pub fn assemble_with(
+        &self,
+        scratch: &mut Scratch<T, N>,
+        mut pose_of: impl FnMut(usize, &Stage<T>, &Settings<T>) -> Result<Pose<T>, PlatformError>,
+    ) -> Result<Pose<T>, ChainError> {
         let mut T_base_top = self.mount;
         for (index, stage) in self.stages.iter().enumerate() {
-            let pose =
-                stage.pose(&scratch.settings[index]).map_err(|reason| ChainError::Platform { stage: index, reason })?;
+            let pose = pose_of(index, stage, &scratch.settings[index])
+                .map_err(|reason| ChainError::Platform { stage: index, reason })?;
             T_base_top = T_base_top * pose;
             scratch.stages[index] = pose;
             scratch.tops[index] = T_base_top;
