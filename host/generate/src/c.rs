@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use crate::function::{Constant, Function, Module, Width};
 use crate::graph::Operand;
-use crate::text::{Binding, Body, Language, Step, indices, paragraph};
+use crate::text::{Binding, Body, Language, Step, WORDS, indices, paragraph};
 
 /// Sine and cosine of the core in `double`.
 const DOUBLE: &str = include_str!("c/double.h.txt");
@@ -71,18 +71,23 @@ impl C {
     fn function(&self, function: &Function, number: &str) -> String {
         let body = Body::new(function);
         let mut text = format!("\n/*\n{} *\n", paragraph(" * ", &function.about));
+        if function.digits > 0 {
+            text += &paragraph(" * ", &format!("{WORDS}."));
+        }
         for input in &function.inputs {
             text += &paragraph(" * ", &format!("{}: {}.", input.name, input.about));
         }
         for output in &function.outputs {
             text += &paragraph(" * ", &format!("writes {}: {}.", output.name, output.about));
         }
+        let words = ["word", "previous"]
+            .map(|name| (function.digits > 0).then(|| format!("const uint8_t {name}[{}]", function.digits)));
         let inputs = function.inputs.iter().map(|input| format!("const {number} {}[{}]", input.name, input.len));
         let outputs = function.outputs.iter().map(|output| {
             let dimensions: String = output.shape.iter().map(|size| format!("[{size}]")).collect();
             format!("{number} {}{dimensions}", output.name)
         });
-        let arguments: Vec<_> = inputs.chain(outputs).collect();
+        let arguments: Vec<_> = words.into_iter().flatten().chain(inputs).chain(outputs).collect();
         _ = writeln!(text, " */\nstatic inline void {}_{}({}) {{", self.prefix, function.name, arguments.join(", "));
         for step in body.steps() {
             match step {
@@ -141,5 +146,13 @@ impl Language for C {
 
     fn minimum(&self, a: &str, b: &str) -> String {
         self.call("fmin", &format!("{a}, {b}"))
+    }
+
+    fn choice(&self, question: &str, yes: &str, no: &str) -> String {
+        format!("({question} ? {yes} : {no})")
+    }
+
+    fn truth(&self, question: &str) -> String {
+        format!("({question})")
     }
 }

@@ -1,6 +1,6 @@
 //! Recorded functions with the shapes and units of what they read and write, and the module that they make up.
 
-use crate::graph::{Graph, Operand, value_of};
+use crate::graph::{Arguments, Graph, Operand, value_of};
 
 /// Type of the numbers of a generated file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,6 +42,8 @@ pub struct Function {
     pub name: &'static str,
     /// What it computes.
     pub about: String,
+    /// How many digits the word and the word before have, which it reads first; 0: it reads none.
+    pub digits: usize,
     /// What it reads, in the order of its arguments.
     pub inputs: Vec<Input>,
     /// What it writes.
@@ -82,9 +84,10 @@ impl Function {
         self.outputs.iter().flat_map(|output| output.entries.iter().copied())
     }
 
-    /// What it writes for these inputs, output by output.
-    pub fn evaluate(&self, inputs: &[&[f64]]) -> Vec<Vec<f64>> {
-        let values = self.graph.evaluate(&inputs.concat());
+    /// What it writes for these arguments, output by output.
+    pub fn evaluate(&self, arguments: &Arguments<'_>) -> Vec<Vec<f64>> {
+        let mut values = Vec::new();
+        self.graph.evaluate(arguments, &mut values);
         let entries = |output: &Output| output.entries.iter().map(|entry| value_of(*entry, &values)).collect();
         self.outputs.iter().map(entries).collect()
     }

@@ -21,6 +21,47 @@ pub enum Operand {
     },
 }
 
+/// A question about the word, on which one of two values is chosen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Question {
+    /// Whether an actuator is in a state.
+    Digit {
+        /// The actuator.
+        actuator: u8,
+        /// The state.
+        state: u8,
+    },
+    /// The same of the word before.
+    Previous {
+        /// The actuator.
+        actuator: u8,
+        /// The state.
+        state: u8,
+    },
+    /// Whether as many others of the actuators from `first` to `end` have another digit than before.
+    Together {
+        /// The actuator that does not count.
+        actuator: u8,
+        /// The first one that does.
+        first: u8,
+        /// The one after the last.
+        end: u8,
+        /// How many.
+        count: u8,
+    },
+}
+
+/// What a recorded function is called with.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Arguments<'a> {
+    /// The elements of all inputs.
+    pub numbers: &'a [f64],
+    /// The digits of the word.
+    pub word: &'a [u8],
+    /// Those of the word before.
+    pub previous: &'a [u8],
+}
+
 /// What a node computes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Operation {
@@ -44,6 +85,8 @@ pub enum Operation {
     Maximum(Operand, Operand),
     /// The smaller of two.
     Minimum(Operand, Operand),
+    /// The first of two where the answer is yes, else the second.
+    Choice(Question, Operand, Operand),
 }
 
 /// Operations and the constants between them, operands before what uses them.
@@ -118,9 +161,24 @@ impl Operation {
             | Self::Product(a, b)
             | Self::Quotient(a, b)
             | Self::Maximum(a, b)
-            | Self::Minimum(a, b) => [Some(a), Some(b)],
+            | Self::Minimum(a, b)
+            | Self::Choice(_, a, b) => [Some(a), Some(b)],
         };
         pair.into_iter().flatten()
+    }
+}
+
+impl Question {
+    /// The answer for these words.
+    pub fn answer(self, word: &[u8], previous: &[u8]) -> bool {
+        match self {
+            Self::Digit { actuator, state } => word[usize::from(actuator)] == state,
+            Self::Previous { actuator, state } => previous[usize::from(actuator)] == state,
+            Self::Together { actuator, first, end, count } => {
+                let others = (usize::from(first)..usize::from(end)).filter(|other| *other != usize::from(actuator));
+                others.filter(|other| word[*other] != previous[*other]).count() == usize::from(count)
+            }
+        }
     }
 }
 
@@ -155,6 +213,14 @@ impl Graph {
         }
         if a == b.negated() {
             return Operand::ZERO;
+        }
+        for (constant, chosen) in [(a, b), (b, a)] {
+            if constant.as_constant().is_some()
+                && let Some((question, yes, no)) = self.constant_choice(chosen)
+            {
+                let (yes, no) = (self.sum(constant, yes), self.sum(constant, no));
+                return self.choice(question, yes, no);
+            }
         }
         let (ka, ca) = self.scaled(a);
         let (kb, cb) = self.scaled(b);
@@ -226,8 +292,15 @@ impl Graph {
     }
 
     fn multiple(&mut self, factor: f64, a: Operand) -> Operand {
+        if let Some(a) = a.as_constant() {
+            return Operand::constant(factor * a);
+        }
         if factor == 0.0 {
             return Operand::ZERO;
+        }
+        if let Some((question, yes, no)) = self.constant_choice(a) {
+            let (yes, no) = (self.multiple(factor, yes), self.multiple(factor, no));
+            return self.choice(question, yes, no);
         }
         let (k, core) = self.scaled(a);
         let factor = factor * k;
@@ -260,6 +333,10 @@ impl Graph {
         if let Some(angle) = a.as_constant() {
             let (sine, cosine) = angle.sin_cos();
             return (Operand::constant(sine), Operand::constant(cosine));
+        }
+        if let Some((question, yes, no)) = self.constant_choice(a) {
+            let [yes, no] = [yes, no].map(|angle| self.sin_cos(angle));
+            return (self.choice(question, yes.0, no.0), self.choice(question, yes.1, no.1));
         }
         let (angle, is_negative) = a.split();
         if let Some((quarters, rest)) = self.quarter_turns(angle) {
@@ -330,13 +407,26 @@ impl Graph {
             }
     }
 
-    /// The value of every node for these inputs.
-    pub fn evaluate(&self, inputs: &[f64]) -> Vec<f64> {
-        let mut values = Vec::with_capacity(self.nodes.len());
-        for operation in &self.nodes {
-            let at = |operand: Operand| value_of(operand, &values);
+    /// a where the answer is yes, else b.
+    pub fn choice(&mut self, question: Question, a: Operand, b: Operand) -> Operand {
+        if a == b { a } else { self.node(Operation::Choice(question, a, b)) }
+    }
+
+    /// The question of a choice between constants and such choices, and what is chosen from.
+    fn constant_choice(&self, a: Operand) -> Option<(Question, Operand, Operand)> {
+        let Operand::Value { node, is_negative } = a else { return None };
+        let Operation::Choice(question, yes, no) = self.operation(node) else { return None };
+        let is_constant = |x: Operand| x.as_constant().is_some() || self.constant_choice(x).is_some();
+        let [yes, no] = [yes, no].map(|x| x.signed(is_negative));
+        (is_constant(yes) && is_constant(no)).then_some((question, yes, no))
+    }
+
+    /// The value of every node for these arguments, in the order of the nodes, after those that `values` has.
+    pub fn evaluate(&self, arguments: &Arguments<'_>, values: &mut Vec<f64>) {
+        for operation in self.nodes.get(values.len()..).unwrap_or_default() {
+            let at = |operand: Operand| value_of(operand, values);
             let value = match *operation {
-                Operation::Input(index) => inputs[index as usize],
+                Operation::Input(index) => arguments.numbers[index as usize],
                 Operation::Sum(a, b) => at(a) + at(b),
                 Operation::Product(a, b) => at(a) * at(b),
                 Operation::Quotient(a, b) => at(a) / at(b),
@@ -346,10 +436,12 @@ impl Graph {
                 Operation::Absolute(a) => at(a).abs(),
                 Operation::Maximum(a, b) => at(a).max(at(b)),
                 Operation::Minimum(a, b) => at(a).min(at(b)),
+                Operation::Choice(question, yes, no) => {
+                    at(if question.answer(arguments.word, arguments.previous) { yes } else { no })
+                }
             };
             values.push(value);
         }
-        values
     }
 }
 

@@ -5,6 +5,7 @@
 //! in [`rust`] and [`c`] print it as functions without a loop, a branch, an allocation or a dependency. There is no second set
 //! of formulas.
 
+pub mod arm;
 pub mod c;
 pub mod function;
 pub mod graph;

@@ -45,6 +45,7 @@ fn again(graph: &mut Graph, operation: Operation, at: impl Fn(Operand) -> Operan
         Operation::Absolute(a) => graph.absolute(at(a)),
         Operation::Maximum(a, b) => graph.maximum(at(a), at(b)),
         Operation::Minimum(a, b) => graph.minimum(at(a), at(b)),
+        Operation::Choice(question, a, b) => graph.choice(question, at(a), at(b)),
     }
 }
 

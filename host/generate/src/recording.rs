@@ -1,6 +1,7 @@
 //! A function from one run of generic code on recorded numbers.
 
 use crate::function::{Function, Input, Output};
+use crate::graph::Arguments;
 use crate::optimize::optimized;
 use crate::scalar::{RecordError, Recorded, inputs, record};
 
@@ -12,14 +13,23 @@ pub(crate) struct Written {
     pub(crate) entries: Vec<Recorded>,
 }
 
-/// Records `code`, which gets the numbers of each input and gives the outputs.
+/// What a function is and reads.
+pub(crate) struct Signature {
+    pub(crate) name: &'static str,
+    pub(crate) about: String,
+    pub(crate) digits: usize,
+    pub(crate) inputs: Vec<Input>,
+}
+
+/// Records `code`, which gets the numbers of each input and gives the outputs. Comparisons of values are answered as they are
+/// for the arguments of `sample`; without it they fail.
 pub(crate) fn recorded_function(
-    name: &'static str,
-    about: String,
-    reads: Vec<Input>,
+    signature: Signature,
+    sample: Option<&Arguments<'_>>,
     code: impl FnOnce(&[Vec<Recorded>]) -> Vec<Written>,
 ) -> Result<Function, RecordError> {
-    let (written, graph) = record(|| {
+    let Signature { name, about, digits, inputs: reads } = signature;
+    let (written, graph) = record(sample, || {
         let read: Vec<_> = reads.iter().map(|input| inputs(input.len)).collect();
         code(&read)
     })?;
@@ -29,6 +39,6 @@ pub(crate) fn recorded_function(
         about: written.about,
         entries: written.entries.into_iter().map(Recorded::operand).collect(),
     };
-    let function = Function { name, about, inputs: reads, outputs: written.into_iter().map(output).collect(), graph };
-    Ok(optimized(function))
+    let outputs = written.into_iter().map(output).collect();
+    Ok(optimized(Function { name, about, digits, inputs: reads, outputs, graph }))
 }

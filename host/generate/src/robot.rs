@@ -7,7 +7,7 @@ use darm_core::tree::{Body, Frames, Link, LinkFrame, Symmetric, Tree, TreeError,
 use darm_robot::robot::{Coupling, Robot, RobotFrame};
 
 use crate::function::{Constant, Function, Input, Module};
-use crate::recording::{Written, recorded_function};
+use crate::recording::{Signature, Written, recorded_function};
 use crate::scalar::{RecordError, Recorded};
 
 /// Joints that a generated file can have: code without loops of more would be slower than the general one.
@@ -131,8 +131,10 @@ impl<const N: usize> Subject<'_, N> {
             vec![Written { name: "torque", shape: vec![n], about: "of each coordinate, N·m or N".into(), entries }]
         };
         let function = |name, about: &str, reads, code: &dyn Fn(&State<N>) -> Vec<Written>| {
-            recorded_function(name, about.into(), reads, |read| code(&self.state(read)))
-                .map_err(|reason| RobotRefusal::Record { function: name, reason })
+            recorded_function(Signature { name, about: about.into(), digits: 0, inputs: reads }, None, |read| {
+                code(&self.state(read))
+            })
+            .map_err(|reason| RobotRefusal::Record { function: name, reason })
         };
         Ok(vec![
             function("forward_kinematics", "Pose of the tool in the frame of the base.", q(), &|[q, ..]| self.pose(q))?,
@@ -267,7 +269,7 @@ fn without_rounding<const K: usize>(numbers: [f64; K]) -> [f64; K] {
     numbers.map(|x| if x.abs() <= 8.0 * f64::EPSILON * largest { 0.0 } else { x })
 }
 
-fn written_pose(pose: &Pose<Recorded>) -> Vec<Written> {
+pub(crate) fn written_pose(pose: &Pose<Recorded>) -> Vec<Written> {
     let rotation = pose.rotation.transpose().iter().copied().collect();
     vec![
         Written { name: "rotation", shape: vec![3, 3], about: "axes of the tool as columns".into(), entries: rotation },

@@ -4,12 +4,17 @@ use std::fmt::Write as _;
 
 use crate::function::{Constant, Function, Module, Width};
 use crate::graph::Operand;
-use crate::text::{Binding, Body, Language, Step, indices, paragraph};
+use crate::text::{Binding, Body, Language, Step, WORDS, indices, paragraph};
 
-/// Sine and cosine of the core in `f64`, and the root.
+/// Sine and cosine of the core in `f64`.
 const DOUBLE: &str = include_str!("rust/double.rs.txt");
 /// The same in `f32`.
 const SINGLE: &str = include_str!("rust/single.rs.txt");
+
+/// The root in `f64`, which a crate without `std` does not have.
+const DOUBLE_ROOT: &str = include_str!("rust/double_root.rs.txt");
+/// The root of the core in `f32`.
+const SINGLE_ROOT: &str = include_str!("rust/single_root.rs.txt");
 
 /// The file.
 pub fn file(module: &Module, width: Width) -> String {
@@ -18,7 +23,7 @@ pub fn file(module: &Module, width: Width) -> String {
         Width::Double => "f64",
     };
     let mut text: String = module.about.iter().map(|line| paragraph("//! ", line)).collect();
-    text += "#![allow(dead_code, unreachable_pub, clippy::all)]\n\n";
+    text += "#![allow(dead_code, unreachable_pub, unused_variables, clippy::all)]\n\n";
     for constant in &module.constants {
         text += &paragraph("/// ", &constant.about);
         let kind = array(number, &[constant.entries.len() / constant.columns, constant.columns]);
@@ -28,10 +33,13 @@ pub fn file(module: &Module, width: Width) -> String {
         text += &self::function(function, width, number);
         text += "\n";
     }
-    text + match width {
-        Width::Single => SINGLE,
-        Width::Double => DOUBLE,
-    }
+    let [turns, root] = match width {
+        Width::Single => [SINGLE, SINGLE_ROOT],
+        Width::Double => [DOUBLE, DOUBLE_ROOT],
+    };
+    let called = [("sin_cos(", turns), ("square_root(", root)].into_iter().filter(|(call, _)| text.contains(call));
+    let parts: Vec<_> = called.map(|(_, part)| part).collect();
+    text + &parts.join("\n")
 }
 
 fn function(function: &Function, width: Width, number: &str) -> String {
@@ -39,16 +47,21 @@ fn function(function: &Function, width: Width, number: &str) -> String {
     let body = Body::new(function);
     let mut text = paragraph("/// ", &function.about);
     text += "///\n";
+    if function.digits > 0 {
+        text += &paragraph("/// ", &format!("- {WORDS}."));
+    }
     for input in &function.inputs {
         text += &paragraph("/// ", &format!("- `{}`: {}.", input.name, input.about));
     }
     for output in &function.outputs {
         text += &paragraph("/// ", &format!("- writes `{}`: {}.", output.name, output.about));
     }
+    let words =
+        ["word", "previous"].map(|name| (function.digits > 0).then(|| format!("{name}: &[u8; {}]", function.digits)));
     let inputs = function.inputs.iter().map(|input| format!("{}: &[{number}; {}]", input.name, input.len));
     let outputs =
         function.outputs.iter().map(|output| format!("{}: &mut {}", output.name, array(number, &output.shape)));
-    let arguments: Vec<_> = inputs.chain(outputs).collect();
+    let arguments: Vec<_> = words.into_iter().flatten().chain(inputs).chain(outputs).collect();
     _ = writeln!(text, "pub fn {}({}) {{", function.name, arguments.join(", "));
     for step in body.steps() {
         match step {
@@ -120,5 +133,13 @@ impl Language for Rust {
 
     fn minimum(&self, a: &str, b: &str) -> String {
         format!("({a}).min({b})")
+    }
+
+    fn choice(&self, question: &str, yes: &str, no: &str) -> String {
+        format!("(if {question} {{ {yes} }} else {{ {no} }})")
+    }
+
+    fn truth(&self, question: &str) -> String {
+        format!("u8::from({question})")
     }
 }

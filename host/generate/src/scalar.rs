@@ -1,8 +1,8 @@
 //! The scalar that records: the core's generic code runs with it once, and leaves the graph of what it computes.
 //!
 //! A [`Recorded`] is a constant or a value of the graph of this thread, which [`record`] opens and takes back. Straight-line
-//! code has no branches, so a comparison is answered where constants, or the sign of squares and roots, decide it; another one
-//! makes the recording fail.
+//! code has no branches, so a comparison is answered where constants, or the sign of squares and roots, decide it. Another one
+//! makes the recording fail, or is answered as it is for a sample of the arguments.
 
 use std::cell::RefCell;
 use std::cmp::Ordering;
@@ -14,7 +14,7 @@ use nalgebra::{ComplexField, Field, RealField, SimdValue};
 use num_traits::{FromPrimitive, Num, One, Signed, Zero};
 use simba::scalar::SubsetOf;
 
-use crate::graph::{Graph, Operand, Operation};
+use crate::graph::{Arguments, Graph, Operand, Operation, Question, value_of};
 
 /// A number that is a constant or a value of the graph of this thread.
 #[derive(Clone, Copy, Debug)]
@@ -36,25 +36,55 @@ struct Recording {
     graph: Graph,
     inputs: u32,
     error: Option<RecordError>,
+    sample: Option<Sample>,
+}
+
+/// Arguments for which comparisons are answered, and the values of the nodes for them.
+struct Sample {
+    numbers: Vec<f64>,
+    word: Vec<u8>,
+    previous: Vec<u8>,
+    values: Vec<f64>,
+}
+
+impl Recording {
+    /// How two operands compare for the sample.
+    fn sampled(&mut self, a: Operand, b: Operand) -> Option<Ordering> {
+        let Sample { numbers, word, previous, values } = self.sample.as_mut()?;
+        self.graph.evaluate(&Arguments { numbers, word, previous }, values);
+        value_of(a, values).partial_cmp(&value_of(b, values))
+    }
 }
 
 thread_local! {
     static RECORDING: RefCell<Recording> = RefCell::default();
 }
 
-/// Runs `code` on a new graph; its result and the graph.
+/// Runs `code` on a new graph; its result and the graph. Comparisons of values are answered as they are for `sample`: what is
+/// recorded is right where all are answered so.
 ///
 /// # Errors
 ///
-/// `code` branches on a value, or calls a function that is not recorded.
-pub fn record<R>(code: impl FnOnce() -> R) -> Result<(R, Graph), RecordError> {
-    RECORDING.take();
+/// `code` branches on a value without a sample, or calls a function that is not recorded.
+pub fn record<R>(sample: Option<&Arguments<'_>>, code: impl FnOnce() -> R) -> Result<(R, Graph), RecordError> {
+    let sample = sample.map(|arguments| Sample {
+        numbers: arguments.numbers.to_vec(),
+        word: arguments.word.to_vec(),
+        previous: arguments.previous.to_vec(),
+        values: Vec::new(),
+    });
+    RECORDING.replace(Recording { sample, ..Recording::default() });
     let result = code();
     let Recording { graph, error, .. } = RECORDING.take();
     error.map_or(Ok((result, graph)), Err)
 }
 
-/// The next `N` inputs of the function that is recorded.
+/// `a` where the answer is yes, else `b`.
+pub fn choice(question: Question, a: Recorded, b: Recorded) -> Recorded {
+    graph(|graph| graph.choice(question, a.0, b.0))
+}
+
+/// The next `n` inputs of the function that is recorded.
 pub fn inputs(n: usize) -> Vec<Recorded> {
     let next = |_| {
         with(|recording| {
@@ -138,7 +168,10 @@ impl PartialOrd for Recorded {
         if a.as_constant().is_some_and(|a| a <= 0.0) && is_never_negative(b) {
             return Some(Ordering::Less);
         }
-        fail(RecordError::Branch, None)
+        match with(|recording| recording.sample.is_some().then(|| recording.sampled(a, b))) {
+            Some(sampled) => sampled,
+            None => fail(RecordError::Branch, None),
+        }
     }
 }
 

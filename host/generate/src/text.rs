@@ -4,8 +4,11 @@ use std::collections::HashMap;
 use std::fmt::Write as _;
 
 use crate::function::Function;
-use crate::graph::{Operand, Operation};
+use crate::graph::{Operand, Operation, Question};
 use crate::optimize::uses;
+
+/// What the two words are that a function of an arm reads.
+pub(crate) const WORDS: &str = "`word` and `previous`: the digit of each actuator now, and in the word before; one that is no state counts as the last";
 
 /// How a language writes operations.
 pub(crate) trait Language {
@@ -21,6 +24,10 @@ pub(crate) trait Language {
     fn maximum(&self, a: &str, b: &str) -> String;
     /// The smaller of two expressions.
     fn minimum(&self, a: &str, b: &str) -> String;
+    /// One of two expressions.
+    fn choice(&self, question: &str, yes: &str, no: &str) -> String;
+    /// The answer of a question as a number, 1 or 0.
+    fn truth(&self, question: &str) -> String;
 }
 
 /// A step of a function's body.
@@ -206,6 +213,20 @@ impl<'a> Body<'a> {
             Operation::Absolute(a) => (language.absolute(&any(a)), atom),
             Operation::Maximum(a, b) => (language.maximum(&any(a), &any(b)), atom),
             Operation::Minimum(a, b) => (language.minimum(&any(a), &any(b)), atom),
+            Operation::Choice(asked, a, b) => (language.choice(&question(asked, language), &any(a), &any(b)), atom),
+        }
+    }
+}
+
+/// A question in what both languages share.
+fn question(asked: Question, language: &impl Language) -> String {
+    match asked {
+        Question::Digit { actuator, state } => format!("word[{actuator}] == {state}"),
+        Question::Previous { actuator, state } => format!("previous[{actuator}] == {state}"),
+        Question::Together { actuator, first, end, count } => {
+            let others = (first..end).filter(|other| *other != actuator);
+            let switched = others.map(|other| language.truth(&format!("word[{other}] != previous[{other}]")));
+            format!("{} == {count}", switched.collect::<Vec<_>>().join(" + "))
         }
     }
 }

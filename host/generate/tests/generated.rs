@@ -6,10 +6,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use darm_arm::arm::{Arm, ArmScratch};
 use darm_core::dynamics;
-use darm_core::real::{Real, real};
+use darm_core::effect::{Condition, Effect, Place};
+use darm_core::real::{Mat3, Real, Vec3, real};
+use darm_core::se::Pose;
 use darm_core::tree::{Frames, Joint, Tree};
-use darm_generate::{Module, Width, c, robot, rust};
+use darm_core::units::Word;
+use darm_generate::{Module, Width, arm, c, robot, rust};
 use darm_robot::description::read;
 use darm_robot::robot::Robot;
 use darm_robot::urdf::Locks;
@@ -22,6 +26,12 @@ mod finger_f32;
 #[rustfmt::skip]
 #[path = "generated/finger_f64.rs"]
 mod finger_f64;
+#[rustfmt::skip]
+#[path = "generated/platform3_f32.rs"]
+mod platform3_f32;
+#[rustfmt::skip]
+#[path = "generated/platform3_f64.rs"]
+mod platform3_f64;
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/generated")
@@ -34,10 +44,23 @@ fn finger() -> (Robot, Module) {
     (robot, module)
 }
 
+/// A platform of three legs whose extended state follows the supply, and whose first leg comes off its stop.
+fn platform() -> (Arm, Module) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/platform3.toml");
+    let mut arm = Arm::read(path.as_path()).unwrap();
+    let supply = Effect::SupplyStroke { at: Place::Arm, gain: 0.05 };
+    arm.model.effects = [supply, Effect::Play { at: Place::Actuator(0), width_m: 1e-3 }].into_iter().collect();
+    let module = arm::module(&arm).unwrap();
+    (arm, module)
+}
+
 #[test]
 fn the_files_are_renewed() {
-    let (_, module) = finger();
+    let ((_, module), (_, platform)) = (finger(), platform());
     let files = [
+        ("platform3_f32.rs", rust::file(&platform, Width::Single)),
+        ("platform3_f64.rs", rust::file(&platform, Width::Double)),
+        ("platform3_f32.h", c::file(&platform, Width::Single)),
         ("finger_f32.rs", rust::file(&module, Width::Single)),
         ("finger_f64.rs", rust::file(&module, Width::Double)),
         ("finger_f32.h", c::file(&module, Width::Single)),
@@ -112,6 +135,60 @@ macro_rules! compare {
 compare!(generated_rust_equals_the_core_in_double_precision, f64, finger_f64);
 compare!(generated_rust_equals_the_core_in_single_precision, f32, finger_f32);
 
+/// Calls `visit` with each word of the platform after each other one: word, word before, conditions and the core's pose.
+fn each_word(mut visit: impl FnMut([u8; 3], [u8; 3], [f64; 3], Pose<f64>)) {
+    let (arm, mut scratch) = (platform().0, ArmScratch::default());
+    let digits = |number: u8| [0, 1, 2].map(|bit| number >> bit & 1);
+    for (word, previous) in (0..64).map(|number| (digits(number % 8), digits(number / 8))) {
+        let (supply, temperature_k) = (6e5 + 1e4 * f64::from(word[0] + previous[1]), 293.15);
+        let [now, before] = [word, previous].map(|digits| Word::new(&digits).unwrap());
+        let condition = Condition { supply, temperature_k, ..arm.model.working(now, before, &[]) };
+        visit(word, previous, [supply, temperature_k, 0.0], arm.model.predict(&condition, &mut scratch).unwrap());
+    }
+}
+
+/// A test of one width.
+macro_rules! compare_words {
+    ($name:ident, $number:ident, $module:ident) => {
+        #[test]
+        fn $name() {
+            each_word(|word, previous, conditions, pose| {
+                let (mut rotation, mut position) = ([[0.0; 3]; 3], [0.0; 3]);
+                let conditions = conditions.map(|x| x as $number);
+                $module::pose(&word, &previous, &conditions, &mut rotation, &mut position);
+                let rotation = Mat3::from_fn(|row, column| f64::from(rotation[row][column]));
+                let away = (Vec3::from(position.map(f64::from)) - pose.position).norm();
+                let turned = (rotation - pose.rotation).norm();
+                // Some tens of roundings of lengths up to 2 m.
+                assert!(away.max(turned) < 64.0 * f64::from($number::EPSILON), "{word:?}: {away} {turned}");
+            });
+        }
+    };
+}
+
+compare_words!(a_generated_arm_equals_the_core_in_double_precision, f64, platform3_f64);
+compare_words!(a_generated_arm_equals_the_core_in_single_precision, f32, platform3_f32);
+
+#[test]
+fn a_generated_arm_in_c_equals_the_core() {
+    let (mut lines, mut expected) = (String::from("float r[3][3], p[3];\n"), Vec::new());
+    each_word(|word, previous, [supply, temperature_k, load_kg], pose| {
+        let list = |digits: [u8; 3]| format!("(const uint8_t[]){{{}, {}, {}}}", digits[0], digits[1], digits[2]);
+        lines += &format!(
+            "platform3_pose({}, {}, (const float[]){{{supply:?}f, {temperature_k:?}f, {load_kg:?}f}}, r, p);\n",
+            list(word),
+            list(previous)
+        );
+        lines += "printf(\"%.9g %.9g %.9g \", (double)r[1][0], (double)p[0], (double)p[1]);\n";
+        expected.extend([pose.rotation.m21, pose.position.x, pose.position.y]);
+    });
+    let Some(printed) = run_c("platform3_f32.h", &lines) else { return };
+    let ours: Vec<f64> = printed.split_whitespace().map(|number| number.parse().unwrap()).collect();
+    assert_eq!(ours.len(), expected.len());
+    let apart = ours.iter().zip(&expected).fold(0.0, |apart: f64, (a, b)| apart.max((a - b).abs()));
+    assert!(apart < 64.0 * f64::from(f32::EPSILON), "{apart}");
+}
+
 /// What a C program of these lines prints; `None` where the machine has no C compiler.
 fn run_c(name: &str, lines: &str) -> Option<String> {
     let build = tempfile::tempdir().unwrap();
@@ -119,8 +196,15 @@ fn run_c(name: &str, lines: &str) -> Option<String> {
     fs::write(&source, format!("#include <stdio.h>\n#include \"{name}\"\nint main(void) {{\n{lines}return 0;\n}}\n"))
         .unwrap();
     let strict = ["-std=c99", "-O1", "-ffp-contract=off", "-Wall", "-Wextra", "-Wconversion", "-Werror"];
-    let compiler =
-        Command::new("cc").args(strict).arg("-I").arg(folder()).arg(&source).arg("-o").arg(&program).output();
+    let compiler = Command::new("cc")
+        .args(strict)
+        .arg("-I")
+        .arg(folder())
+        .arg(&source)
+        .arg("-o")
+        .arg(&program)
+        .arg("-lm")
+        .output();
     let Ok(compiler) = compiler else {
         eprintln!("no C compiler: the generated C is not compared");
         return None;

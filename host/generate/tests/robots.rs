@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use darm_generate::graph::Arguments;
 use darm_generate::robot::module;
 use darm_generate::{Function, Module};
 use darm_robot::description::read;
@@ -50,7 +51,8 @@ fn recorded_functions_are_those_of_the_robot() {
             let jacobian: Vec<f64> = kinematics.jacobian_base.transpose().iter().copied().collect();
             // Some hundred roundings of numbers of the size of the largest.
             let check = |name: &str, inputs: &[&[f64]], expected: &[&[f64]]| {
-                let outputs = function(&module, name).evaluate(inputs);
+                let outputs =
+                    function(&module, name).evaluate(&Arguments { numbers: &inputs.concat(), ..Arguments::default() });
                 assert_eq!(outputs.len(), expected.len());
                 for (ours, theirs) in outputs.iter().zip(expected) {
                     assert!(apart(ours, theirs) < 1e-13, "{file} {name}: {}", apart(ours, theirs));
@@ -66,7 +68,8 @@ fn recorded_functions_are_those_of_the_robot() {
             let rates = robot.coupling().rates(&qdd);
             let of_rotors: Vec<f64> = rotors.iter().zip(&rates).map(|(rotor, rate)| rotor * rate).collect();
             let of_rotors = robot.coupling().torques(&of_rotors);
-            let regressor = &function(&module, "regressor").evaluate(&state)[0];
+            let regressor = &function(&module, "regressor")
+                .evaluate(&Arguments { numbers: &state.concat(), ..Arguments::default() })[0];
             let rows = regressor.chunks(10 * robot.joints.len());
             let torque: Vec<f64> = rows
                 .zip(&of_rotors)

@@ -37,7 +37,7 @@ const CRATES: [(&str, &str, &[&str]); 24] = [
     ("darm-olimex-stm32-h405", "firmware/boards/olimex-stm32-h405", &["darm-core", "darm-firmware"]),
     ("darm-robot", "host/robot", &["darm-core"]),
     ("darm-arm", "host/arm", &["darm-core", "darm-robot"]),
-    ("darm-generate", "host/generate", &["darm-core", "darm-robot"]),
+    ("darm-generate", "host/generate", &["darm-arm", "darm-core", "darm-robot"]),
     ("darm-device", "host/device", &["darm-arm", "darm-core"]),
     ("darm-sim", "host/sim", &["darm-arm", "darm-core", "darm-device", "darm-firmware"]),
     ("darm-measure", "host/measure", &["darm-arm", "darm-core", "darm-robot"]),
