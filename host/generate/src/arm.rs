@@ -31,7 +31,7 @@ const SAMPLES: usize = 400;
 const STEPS: std::ops::RangeInclusive<usize> = 2..=8;
 /// The largest difference from the core, m and rad, of an arm without and with loads: the core stops settling at 1e-8 m.
 const TOLERANCE: [f64; 2] = [1e-10, 1e-6];
-/// Supply and temperature vary by this share and by this many K about those that the arm works at, the load up to so many kg.
+/// Supply and temperature vary by this share and by this many K about those that the arm works at, the load is at most the third, kg.
 const VARIED: [f64; 3] = [0.2, 20.0, 1.0];
 
 /// Why there is no file for an arm.
@@ -45,7 +45,7 @@ pub enum ArmRefusal {
         /// Why it cannot be.
         reason: RecordError,
     },
-    /// The core has no pose for a word that it is asked for.
+    /// The core has no pose for a word of zeros.
     #[error("{arm}: {reason}; correct the geometry")]
     Chain {
         /// Name of the arm.
@@ -310,7 +310,7 @@ impl<'a> Subject<'a> {
         let limits: Vec<_> =
             self.arm.servos.iter().map(|servo| [servo.min_rad, servo.max_rad].map(f64::from)).collect();
         let [supply, temperature_k, load_kg] = self.conditions();
-        let [share, kelvin, most_kg] = VARIED;
+        let [share, kelvin, max_load_kg] = VARIED;
         for _ in 0..SAMPLES {
             let mut digits =
                 || self.states.iter().map(|states| random.random_range(0..*states as u8)).collect::<Vec<u8>>();
@@ -321,7 +321,7 @@ impl<'a> Subject<'a> {
             let conditions = [
                 supply * within([1.0 - share, 1.0 + share]),
                 temperature_k + within([-kelvin, kelvin]),
-                load_kg + within([0.0, most_kg]),
+                load_kg + within([0.0, max_load_kg]),
             ];
             let [word, previous] = [&words.word, &words.previous].map(|digits| word(digits));
             let condition = Condition {
