@@ -23,7 +23,7 @@ pub fn file(module: &Module, width: Width) -> String {
         Width::Double => "f64",
     };
     let mut text: String = module.about.iter().map(|line| paragraph("//! ", line)).collect();
-    text += "#![allow(dead_code, unreachable_pub, unused_variables, clippy::all)]\n\n";
+    text += "#![allow(dead_code, unreachable_pub, unused_parens, unused_variables, clippy::all)]\n\n";
     for constant in &module.constants {
         text += &paragraph("/// ", &constant.about);
         let kind = array(number, &[constant.entries.len() / constant.columns, constant.columns]);

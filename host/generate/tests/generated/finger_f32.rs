@@ -4,7 +4,7 @@
 //! Positions in rad or m, velocities and accelerations in rad or m per s and s², torques in N·m, forces in N. Angular
 //! parts come before linear ones. The inertia of rotors is included, friction is not.
 //! Joint tip follows knuckle: 0.7 times its position plus 0.0.
-#![allow(dead_code, unreachable_pub, unused_variables, clippy::all)]
+#![allow(dead_code, unreachable_pub, unused_parens, unused_variables, clippy::all)]
 
 /// Ten inertial parameters of each link in the frame of its joint: m (kg), m·c_x, m·c_y, m·c_z (kg·m), I_xx, I_xy,
 /// I_yy, I_xz, I_yz, I_zz about the frame's origin (kg·m²).

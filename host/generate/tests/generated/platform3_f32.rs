@@ -4,7 +4,7 @@
 //! On 400 random words, with the supply within 20 %, the temperature within 20 K and a load up to 1 kg of those that
 //! the arm works with, it differs from the iterations of `darm-core` by at most 9.4e-16 m and 5.8e-16 rad, before the
 //! rounding of its numbers.
-#![allow(dead_code, unreachable_pub, unused_variables, clippy::all)]
+#![allow(dead_code, unreachable_pub, unused_parens, unused_variables, clippy::all)]
 
 /// The conditions that the arm works with: supply (Pa), temperature (K), load besides the payload (kg).
 pub const CONDITIONS: [[f32; 3]; 1] = [
