@@ -16,7 +16,7 @@
 //! servo is, is a vote of the reads and of the place before, and the middle one of three that agree becomes a goal; registers count as read when two answers in a row are the same.
 //!
 //! Range, speed and motion are compared with the profile in each visit, whatever the servo is to do. A breach that lasts for two
-//! visits goes to the control tick, and at once one that a whole vote shows.
+//! visits goes to the control tick, and at once one that a vote shows.
 //!
 //! Angles are those of the shaft; its zero is the servo's middle position, 2048 of 4096 steps a turn.
 //! Source: Feetech, STS3215 memory table.
@@ -327,7 +327,7 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
             return Err(BusError::Doubtful);
         }
         let seen = median([first, second, third].map(|sample| sample.place.steps));
-        // The load has bent it from the goal that it has: its place for another goal would bend it once more.
+        // The load has bent it from the goal that it has: its place for another goal would bend it again.
         let is_kept =
             |goal: &i16| goal.abs_diff(seen) <= BENT_STEPS && (known.goal.is_some() || is_in_range(*goal, limit));
         let steps = in_force.filter(is_kept).unwrap_or_else(|| place_to_hold(seen, limit));

@@ -160,11 +160,11 @@ fn lengths(arm: &Arm) -> impl Iterator<Item = [f64; 2]> {
     legs.map(|leg| [leg.length_m[0], leg.length_m[1]])
 }
 
-/// Whether a length or a stroke of an answer is not what was asked for, by the arms alone.
+/// Whether a length or a stroke of an answer is not what was requested, by the arms alone.
 fn is_past_bounds(from: &Arm, to: &Arm, Bounds { shortest, longest, stroke, .. }: Bounds) -> bool {
     lengths(from).zip(lengths(to)).any(|([short, long], now)| {
-        let least = (now[0] - shortest * short).min(longest * long - now[1]).min(now[1] - now[0] - stroke);
-        least < -ROUNDING_M
+        let margin_m = (now[0] - shortest * short).min(longest * long - now[1]).min(now[1] - now[0] - stroke);
+        margin_m < -ROUNDING_M
     })
 }
 

@@ -465,7 +465,7 @@ impl Servos {
             Motion::Ordered => {}
             Motion::Stopping(since_ns) => {
                 let from_ns = since_ns.max(track.excused_ns);
-                // It goes on when what blocks it goes away.
+                // It continues when what blocks it goes away.
                 let is_caught = has_torque && is_blocked && (goal - step).abs() > HOLD_STEPS;
                 if turned.abs() <= REST_STEPS && now_ns > since_ns && !is_caught {
                     track.motion = Motion::Resting(step);

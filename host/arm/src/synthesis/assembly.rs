@@ -21,10 +21,8 @@
 use darm_core::actuator::{MIN_DETERMINANT, Stage};
 use darm_core::chain::Parameter;
 use darm_core::se::{Pose, Twist};
-use darm_core::units::Word;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
-use std::rc::Rc;
 
 use super::newton::{Damping, damped_inverse};
 use super::problem::{Bound, Problem};
@@ -95,7 +93,7 @@ pub fn nearest_singular(arm: &Arm) -> Option<NearestSingular> {
     platforms(arm).filter_map(of_stage).min_by(|a, b| a.determinant.total_cmp(&b.determinant))
 }
 
-/// A setting as it stands in a word.
+/// A setting as a word has it.
 pub fn digits(setting: &[u8]) -> String {
     setting.iter().map(u8::to_string).collect()
 }
@@ -107,51 +105,6 @@ fn is_some(module: &WithoutPose) -> bool {
 fn platforms(arm: &Arm) -> impl Iterator<Item = (usize, &Stage<f64>)> {
     let stages = arm.model.chain.stages.iter().enumerate();
     stages.filter(|(_, stage)| matches!(stage, Stage::Planar(_) | Stage::Spatial(_)))
-}
-
-/// Which words the stops of an answer have to leave a pose.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub enum NeededWords {
-    /// All of them: a table may use any.
-    #[default]
-    All,
-    /// These, and those without which an arm file cannot be read: at rest and fully extended.
-    These(Vec<Word>),
-}
-
-/// The settings that each stage is needed in.
-#[derive(Clone, Default)]
-pub(super) struct Needed {
-    stages: Rc<[Vec<Vec<u8>>]>,
-}
-
-impl Needed {
-    pub(super) fn new(arm: &Arm, words: &NeededWords) -> Self {
-        let chain = &arm.model.chain;
-        let mut first = 0;
-        let stages = chain.stages.iter().map(|stage| {
-            let own = first..first + stage.n_actuators();
-            first = own.end;
-            match (stage, words) {
-                (Stage::Planar(_) | Stage::Spatial(_), NeededWords::All) => settings(stage).collect(),
-                (Stage::Planar(_) | Stage::Spatial(_), NeededWords::These(words)) => {
-                    let extended: Vec<u8> = (0..own.len()).map(|leg| stage.n_states(leg) as u8 - 1).collect();
-                    let mut needed = vec![vec![0; own.len()], extended];
-                    needed.extend(words.iter().map(|word| own.clone().map(|actuator| word.digit(actuator)).collect()));
-                    needed.sort_unstable();
-                    needed.dedup();
-                    needed
-                }
-                _ => Vec::new(),
-            }
-        });
-        Self { stages: stages.collect() }
-    }
-
-    /// What no arm can do without: without a pose at rest and fully extended it cannot be read from its file.
-    pub(super) fn by_file(arm: &Arm) -> Self {
-        Self::new(arm, &NeededWords::These(Vec::new()))
-    }
 }
 
 impl Problem<'_> {
@@ -170,17 +123,17 @@ impl Problem<'_> {
     /// The stage and the needed setting that a step nearer would lose first, if one is near to it.
     pub(super) fn nearly_lost(&mut self, unknowns: &DVector<f64>) -> Option<(usize, Vec<u8>)> {
         let needed = self.needed.clone();
-        let mut least = (2.0 * MARGIN, None);
+        let mut nearest = (2.0 * MARGIN, None);
         for (stage, settings) in needed.stages.iter().enumerate().filter(|(_, settings)| !settings.is_empty()) {
             let of = self.stage(unknowns, stage);
             for setting in settings {
                 let d = pose(of, setting).map_or(0.0, |at| determinant(of, &at));
-                if d < least.0 {
-                    least = (d, Some((stage, setting.clone())));
+                if d < nearest.0 {
+                    nearest = (d, Some((stage, setting.clone())));
                 }
             }
         }
-        least.1
+        nearest.1
     }
 
     /// The constraint as linear inequalities at `unknowns`, of the settings that a step may lose or win.

@@ -36,6 +36,7 @@ mod closest;
 mod few_actuators;
 mod infeasibility;
 mod lift;
+mod needed_words;
 mod newton;
 mod paper;
 mod problem;
@@ -58,14 +59,13 @@ use serde::Serialize;
 use crate::arm::frames::{self, DesiredFrame, StopRange};
 use crate::arm::{Arm, FrameFault, reason_of};
 pub use accuracy::Accuracy;
-use assembly::Needed;
-pub use assembly::{
-    NearestSingular, NeededWords, WithoutPose, assembled_share, digits, nearest_singular, without_pose,
-};
+pub use assembly::{NearestSingular, WithoutPose, assembled_share, digits, nearest_singular, without_pose};
 pub use case::{BoundFrame, Case, CaseKind, CompleteModules};
 pub use catalogue::{Bought, CatalogueError, Part, buy, read_catalogue};
 pub use few_actuators::synthesize_by_few;
 pub use infeasibility::Infeasibility;
+use needed_words::Needed;
+pub use needed_words::NeededWords;
 pub use paper::{Feedback, Scheme};
 use problem::Problem;
 pub use repair::{Cost, StuckActuator, repair};

@@ -10,8 +10,8 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
 
-use super::assembly::Needed;
 use super::lift::Lift;
+use super::needed_words::Needed;
 use super::newton::{EXACT, SOLVED, Search, damped_inverse, within};
 use super::problem::Problem;
 use super::{Found, Options, SynthesisError};

@@ -27,7 +27,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::Serialize;
 
-use super::assembly::Needed;
+use super::needed_words::Needed;
 use super::newton::{EXACT, SOLVED, Search};
 use super::problem::Problem;
 use super::{Found, Options, Synthesis, SynthesisError, answer};

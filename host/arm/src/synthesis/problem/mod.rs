@@ -13,7 +13,7 @@ use nalgebra::{DMatrix, DVector};
 pub(super) use self::bounds::Bound;
 use self::parameters::{anchors, is_leg, is_used, stops, turns, values};
 use self::target::{Target, rows};
-use super::assembly::Needed;
+use super::needed_words::Needed;
 use super::{Accuracy, Bounds, Method, SynthesisError};
 use crate::arm::frames::{DesiredFrame, StopRange};
 use crate::arm::{Arm, ArmModel, ArmScratch};

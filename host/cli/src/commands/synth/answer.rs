@@ -81,7 +81,7 @@ struct SingularReport {
     module: String,
     setting: String,
     determinant: f64,
-    least_determinant: f64,
+    min_determinant: f64,
 }
 
 impl AssemblyReport {
@@ -94,7 +94,7 @@ impl AssemblyReport {
             module: arm.stage_name(nearest.stage),
             setting: digits(&nearest.setting),
             determinant: nearest.determinant,
-            least_determinant: MIN_DETERMINANT,
+            min_determinant: MIN_DETERMINANT,
         });
         Self { words_percent: 100.0 * assembled_share(arm), without_pose: without_pose.collect(), nearest_singular }
     }
@@ -112,9 +112,9 @@ impl AssemblyReport {
                 )
             }
         };
-        if let Some(SingularReport { module, setting, determinant, least_determinant }) = &self.nearest_singular {
+        if let Some(SingularReport { module, setting, determinant, min_determinant }) = &self.nearest_singular {
             text += &format!(
-                "nearest to a singular posture: {module} at {setting}, determinant {} (singular below {least_determinant})\n",
+                "nearest to a singular posture: {module} at {setting}, determinant {} (singular below {min_determinant})\n",
                 number(*determinant, 3)
             );
         }
