@@ -14,9 +14,9 @@ Examples:
   darm generate puma560.toml --rust > puma560.rs            # f64, no_std, no dependency
   darm generate panda.urdf --rust --f32 --frame panda_hand_tcp > panda.rs   # for a chip
   darm generate tx40.urdf --c > tx40.h                      # a C99 header
-  darm generate finger.xml --c --f32 > finger.h             # an MJCF, with the inertia of its rotors
+  darm generate finger.xml --c --f32 > finger.h             # MJCF, with its rotors
   darm generate puma560.toml --c --function mass_matrix --function gravity > puma560.h
-  darm generate planar4.toml --rust --f32 > planar4.rs      # an arm: the pose of a word, with its effects
+  darm generate planar4.toml --rust --f32 > planar4.rs      # an arm: pose of a word
 
 The file of a robot has forward_kinematics, jacobian, kinematics (both), inverse_dynamics, gravity, mass_matrix and regressor, each \
 without loops and branches, and says the shape and the unit of every argument. Its results are those of `darm-core` but for \
