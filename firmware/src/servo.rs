@@ -12,8 +12,8 @@
 //! | `Release` | torque off                                                                                  |
 //!
 //! What was written is read back in the next visit, and written again until the servo has it; one that still has not after
-//! [`MAX_TRIES`] counts as silent. No single answer decides: where a
-//! servo is, is a vote of the reads and of the place before, and the middle one of three that agree becomes a goal; registers count as read when two answers in a row are the same.
+//! four tries counts as silent. No single answer decides: where a servo is, is a vote of the reads and of the place before,
+//! and the middle one of three that agree becomes a goal; registers count as read when two answers in a row are the same.
 //!
 //! Range, speed and motion are compared with the profile in each visit, whatever the servo is to do. A breach that lasts for two
 //! visits goes to the control tick, and at once one that a vote shows.

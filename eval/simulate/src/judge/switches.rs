@@ -171,7 +171,7 @@ mod tests {
     #[test]
     fn a_switch_that_contradicts_while_lines_stay_on_is_seen() {
         assert!(!is_ignored(judge(None), &[(10, 0, 0), (40, 1, 0), (900, 1, 8)]));
-        assert!(!is_ignored(judge(None), &[(10, 0, 0), (66, 1, 0), (900, 0, 0)]), "off in time");
+        assert!(!is_ignored(judge(None), &[(10, 0, 0), (55, 1, 0), (900, 0, 0)]), "off in time");
         assert!(is_ignored(judge(None), &[(10, 0, 0), (70, 1, 0)]));
         assert!(is_ignored(judge(None), &[(10, 0, 0), (40, 1, 0), (100, 1, 8), (9, 1, 0)]), "it left its stop");
         assert!(!is_ignored(judge(None), &[(10, 0, 0), (40, 1, 0), (100, 1, 8), (3, 1, 0), (9, 1, 8)]), "it bounced");
