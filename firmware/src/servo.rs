@@ -322,17 +322,15 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
         }
         let second = self.agree(limit, Some(first.place)).await?;
         let third = self.agree(limit, Some(second.place)).await?;
-        if first.has_jumped || second.has_jumped || third.has_jumped {
-            // The next visit finds the same, and reports it.
-            return Err(BusError::Doubtful);
-        }
+        let has_jumped = first.has_jumped || second.has_jumped || third.has_jumped;
         let seen = median([first, second, third].map(|sample| sample.place.steps));
         // The load has bent it from the goal that it has: its place for another goal would bend it again.
         let is_kept =
             |goal: &i16| goal.abs_diff(seen) <= BENT_STEPS && (known.goal.is_some() || is_in_range(*goal, limit));
         let steps = in_force.filter(is_kept).unwrap_or_else(|| place_to_hold(seen, limit));
         self.note(index, |known| {
-            known.place = Some(third.place);
+            // One that has jumped is held all the same; the next visit finds it, and reports it.
+            known.place = if has_jumped { known.place } else { Some(third.place) };
             (known.goal, known.settling) = (Some(steps), SETTLE_VISITS);
             known.tries(known.is_driven);
         });
