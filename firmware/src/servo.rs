@@ -277,7 +277,7 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
             }
         }
         // Whether it does this or still the last is not known before it answers.
-        self.note(index, |known| known.tries(false));
+        self.note(index, |known| known.is_written(false));
         self.write(id, TORQUE_ENABLE, &registers).await?;
         self.note(index, |known| known.is_driven = true);
         Ok(())
@@ -332,7 +332,7 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
             // One that has jumped is held all the same; the next visit finds it, and reports it.
             known.place = if has_jumped { known.place } else { Some(third.place) };
             (known.goal, known.settling) = (Some(steps), SETTLE_VISITS);
-            known.tries(known.is_driven);
+            known.is_written(known.is_driven);
         });
         let [_, values @ ..] = goal_registers(steps, limit);
         self.write(limit.id, ACCELERATION, &values).await
@@ -346,7 +346,7 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
                 return Ok(());
             }
         }
-        self.note(index, |known| known.tries(false));
+        self.note(index, |known| known.is_written(false));
         self.write(id, TORQUE_ENABLE, &[0]).await
     }
 
@@ -508,7 +508,7 @@ impl Known {
         }
     }
 
-    fn tries(&mut self, is_driven: bool) {
+    fn is_written(&mut self, is_driven: bool) {
         (self.progress, self.tries, self.is_driven) = (Progress::Written, self.tries.saturating_add(1), is_driven);
     }
 

@@ -204,10 +204,9 @@ impl Second<'_> {
         }
         let ending = self.command(Command::Coil { coil, on_ms: PULSE_MS });
         self.console.pass(SETTLE_MS);
-        let alone_ns = began_ns.saturating_sub(self.script.arm.supplied_ns());
         self.console.look(move |world| {
             let rises = world.pins.rises(line) - before;
-            let has_supply = has_supply && !world.has_other_acted_since(Party::Second, alone_ns);
+            let has_supply = has_supply && world.has_supply_alone(Party::Second, began_ns);
             let undisturbed = has_supply && world.is_undisturbed_since(began_ns);
             let pulse = Pulse { ending, rises, undisturbed };
             if !world.has_other_acted_since(Party::Second, began_ns) {

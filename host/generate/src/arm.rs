@@ -262,8 +262,7 @@ impl<'a> Subject<'a> {
         };
         let chosen: [Recorded; 12] = self.chosen(&variables, zeros, &mut |words| {
             let Pose { rotation, position } = effect.displace(pose, &condition(words));
-            let mut entries = rotation.iter().chain(position.iter()).copied();
-            std::array::from_fn(|_| entries.next().unwrap_or_default())
+            std::array::from_fn(|k| if k < 9 { rotation[k] } else { position[k - 9] })
         });
         let [rotation @ .., x, y, z] = chosen;
         Pose { rotation: Mat3::from_column_slice(&rotation), position: Vec3::new(x, y, z) }

@@ -259,8 +259,8 @@ impl<const N: usize> Subject<'_, N> {
 fn parameters<const N: usize>(tree: &Tree<f64, N>, link: usize) -> [f64; 10] {
     let [mass, first @ .., xx, xy, yy, xz, yz, zz] = tree.parameters(link);
     let (first, second) = (without_rounding(first), without_rounding([xx, xy, yy, xz, yz, zz]));
-    let mut numbers = [mass].into_iter().chain(first).chain(second);
-    std::array::from_fn(|_| numbers.next().unwrap_or_default())
+    let ([x, y, z], [xx, xy, yy, xz, yz, zz]) = (first, second);
+    [mass, x, y, z, xx, xy, yy, xz, yz, zz]
 }
 
 /// Numbers of one kind: those that are a rounding of the largest one are zero.

@@ -13,7 +13,7 @@ use crate::real::{Real, Vec3, real};
 use crate::se::{Pose, Twist, Wrench};
 pub use closed_form::ClosedForm;
 pub use joint::{Axis, DiscreteJoint, JointKind, ServoJoint};
-pub use platform::{Assembly, Leg, MAX_ITERATIONS, MIN_DETERMINANT, NewtonStep, Platform, PlatformError};
+pub use platform::{Assembly, Leg, MAX_ITERATIONS, MIN_DETERMINANT, Platform, PlatformError};
 
 /// States that one actuator can have at most: the digits 0..=3 of a word.
 pub const MAX_STATES: usize = 4;

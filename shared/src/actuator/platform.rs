@@ -70,19 +70,6 @@ pub struct Assembly<T: Real> {
     pub iterations: u8,
 }
 
-/// One step of Newton's method towards the lengths of the legs.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct NewtonStep<T: Real, const LEGS: usize> {
-    /// The motion of the top that, to first order, gives the legs their lengths, along the axes of the base plate.
-    pub motion: Twist<T>,
-    /// By how much each leg is short of its length, m.
-    pub missing: [T; LEGS],
-    /// det D.
-    determinant: T,
-    /// What it is divided by, so that it has no unit.
-    scale: T,
-}
-
 /// Why a platform has no pose that can be trusted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PlatformError {
@@ -134,10 +121,11 @@ impl<T: Real, const LEGS: usize> Platform<T, LEGS> {
         let mut miss = T::zero();
         let longest = legs.iter().take(LEGS).fold(T::default_epsilon(), |max, leg| max.max(leg.value));
         for iterations in 1..=MAX_ITERATIONS {
-            let NewtonStep { motion, missing, determinant, scale } = Self::step(legs, &pose);
-            let (home, scale) = *home.get_or_insert((determinant, scale));
+            let (rows, missing) = Self::rows(legs, &pose);
+            let (motions, determinant) = solve(&rows, &missing);
+            let (home, scale) = *home.get_or_insert_with(|| (determinant, column_scale(&rows)));
             checked(determinant / scale)?;
-            pose = moved(&pose, &limited(motion, longest));
+            pose = moved(&pose, &limited(Self::to_twist(&motions), longest));
             miss = missing.iter().fold(T::zero(), |max, m| max.max(m.abs()));
             if miss < tolerance::<T>() * longest {
                 return in_mode(determinant / scale, home / scale).map(|()| Assembly { pose, iterations });
@@ -146,17 +134,12 @@ impl<T: Real, const LEGS: usize> Platform<T, LEGS> {
         Err(PlatformError::NotAssembled { miss_m: to_f32(miss) })
     }
 
-    /// The step of Newton's method with the top at `pose`.
-    #[inline]
-    pub fn step(legs: &[Setting<T>; MAX_LEGS], pose: &Pose<T>) -> NewtonStep<T, LEGS> {
-        let (rows, missing) = Self::rows(legs, pose);
-        let (motions, determinant) = solve(&rows, &missing);
-        NewtonStep { motion: Self::to_twist(&motions), missing, determinant, scale: column_scale(&rows) }
-    }
-
     /// The pose after `steps` steps of Newton's method from `start`, however far each leads: for lengths that are known to need no more.
     pub fn after_steps(legs: &[Setting<T>; MAX_LEGS], start: &Pose<T>, steps: usize) -> Pose<T> {
-        (0..steps).fold(*start, |pose, _| moved(&pose, &Self::step(legs, &pose).motion))
+        (0..steps).fold(*start, |pose, _| {
+            let (rows, missing) = Self::rows(legs, &pose);
+            moved(&pose, &Self::to_twist(&solve(&rows, &missing).0))
+        })
     }
 
     /// det D over the largest entry of each column, with the top at `pose`: zero in a singular posture, and of one sign

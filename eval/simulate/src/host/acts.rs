@@ -211,8 +211,7 @@ impl Host<'_> {
         world::pass(SETTLE_MS);
         world::with(|world| {
             let rises = world.pins.rises(line) - before;
-            let alone_ns = began_ns.saturating_sub(self.script.arm.supplied_ns());
-            let has_supply = has_supply && !world.has_other_acted_since(Party::First, alone_ns);
+            let has_supply = has_supply && world.has_supply_alone(Party::First, began_ns);
             let undisturbed = has_supply && world.is_undisturbed_since(began_ns);
             let pulse = Pulse { ending, rises, undisturbed };
             if !world.has_other_acted_since(Party::First, began_ns) {
@@ -238,8 +237,7 @@ impl Host<'_> {
         }
         world::pass(SETTLE_MS);
         world::with(|world| {
-            let alone_ns = began_ns.saturating_sub(self.script.arm.supplied_ns());
-            if world.is_undisturbed_since(began_ns) && !world.has_other_acted_since(Party::First, alone_ns) {
+            if world.is_undisturbed_since(began_ns) && world.has_supply_alone(Party::First, began_ns) {
                 world.reports.on_pulses_over(world.now_ns(), world.pins.high());
             }
         });

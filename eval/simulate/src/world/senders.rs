@@ -64,6 +64,11 @@ impl World {
         self.is_hostile_since(since_ns) || other.is_some_and(|at| at >= since_ns)
     }
 
+    /// Whether no load of somebody else's command takes the supply from what this party commands from then on.
+    pub fn has_supply_alone(&self, party: Party, began_ns: u64) -> bool {
+        !self.has_other_acted_since(party, began_ns.saturating_sub(self.arm.supplied_ns()))
+    }
+
     /// An upload of this host ended.
     pub fn on_upload(&mut self, party: Party, model: u64, ending: Ending, began_ns: u64) {
         let of_others = self.commits.iter().filter(|&&(by, _, at_ns)| by != party && at_ns >= began_ns);
