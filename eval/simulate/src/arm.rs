@@ -266,6 +266,16 @@ impl ArmPlan {
         picked.map_or((seed as usize % self.coils.len().max(1)) as u8, |(coil, _)| coil)
     }
 
+    /// The lines of a coil.
+    pub fn coil_lines(&self, coil: u8) -> impl Iterator<Item = u8> + use<> {
+        let drive = self.coils.get(usize::from(coil)).map(|coil| coil.drive);
+        let lines = drive.map(|drive| match drive {
+            DrivePlan::Hold(line) => [Some(line), None],
+            DrivePlan::PeakHold(first, second, _) | DrivePlan::Latch(first, second, _) => [Some(first), Some(second)],
+        });
+        lines.into_iter().flatten().flatten()
+    }
+
     /// The line that a short command of a coil switches on exactly once; `None` for a latch, which may be set already.
     pub fn pulsed_line(&self, coil: u8) -> Option<u8> {
         match self.coils.get(usize::from(coil))?.drive {

@@ -8,7 +8,7 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
 use crate::answers::{self, PULSE_MS, SETTLE_MS};
-use crate::judge::reports::{Ending, Pulse};
+use crate::judge::reports::Ending;
 use crate::panics::caught;
 use crate::script::{HostAct, Script};
 use crate::second_host::{self, SecondHost};
@@ -184,7 +184,6 @@ impl Second<'_> {
     /// Stops, then switches one coil on for a moment: the line is switched on once if that was confirmed.
     fn pulse(&mut self, coil: u8) {
         let began_ns = self.console.now_ns();
-        let Some(line) = self.script.arm.pulsed_line(coil) else { return };
         if self.ask("stop", Client::stop_at_once).is_none() {
             return;
         }
@@ -195,23 +194,12 @@ impl Second<'_> {
         self.console.pass(SETTLE_MS);
         let model = self.status().and_then(|status| status.model);
         let is_own = self.script.tables.iter().any(|table| model.is_some_and(|model| model.0 == table.model));
-        let look = move |world: &mut World| {
-            (world.pins.rises(line), world.pins.high(), world.pins.has_supply(world.now_ns(), 1))
-        };
-        let Some((before, 0, has_supply)) = self.console.look(look) else { return };
         if !is_own {
             return;
         }
+        let Some(pulsed) = self.console.look(move |world| world.begin_pulse(coil, began_ns)).flatten() else { return };
         let ending = self.command(Command::Coil { coil, on_ms: PULSE_MS });
         self.console.pass(SETTLE_MS);
-        self.console.look(move |world| {
-            let rises = world.pins.rises(line) - before;
-            let has_supply = has_supply && world.has_supply_alone(Party::Second, began_ns);
-            let undisturbed = has_supply && world.is_undisturbed_since(began_ns);
-            let pulse = Pulse { ending, rises, undisturbed };
-            if !world.has_other_acted_since(Party::Second, began_ns) {
-                world.reports.on_pulse(world.now_ns(), pulse);
-            }
-        });
+        self.console.look(move |world| world.judge_pulse(Party::Second, pulsed, ending));
     }
 }

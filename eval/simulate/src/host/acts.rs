@@ -11,7 +11,7 @@ use rand_chacha::ChaCha8Rng;
 use super::{FirstUpload, Host, TRIES};
 use crate::answers::{self, PULSE_MS, SETTLE_MS};
 use crate::arm::Table;
-use crate::judge::reports::{Ending, Pulse};
+use crate::judge::reports::Ending;
 use crate::script::{StopForm, TurnFault};
 use crate::words;
 use crate::world::{self, ALL_SWITCHES, Party};
@@ -201,23 +201,13 @@ impl Host<'_> {
     /// Stops, then switches one coil on for a moment: the line is switched on once if that was confirmed.
     pub(super) fn pulse(&mut self, coil: u8) {
         let began_ns = world::with(|world| world.now_ns());
-        let Some(line) = self.script.arm.pulsed_line(coil) else { return };
         if !self.is_own_table_at_rest() {
             return;
         }
-        let (before, has_supply) =
-            world::with(|world| (world.pins.rises(line), world.pins.has_supply(world.now_ns(), 1)));
+        let Some(pulsed) = world::with(|world| world.begin_pulse(coil, began_ns)) else { return };
         let ending = self.command("pulse", Command::Coil { coil, on_ms: PULSE_MS });
         world::pass(SETTLE_MS);
-        world::with(|world| {
-            let rises = world.pins.rises(line) - before;
-            let has_supply = has_supply && world.has_supply_alone(Party::First, began_ns);
-            let undisturbed = has_supply && world.is_undisturbed_since(began_ns);
-            let pulse = Pulse { ending, rises, undisturbed };
-            if !world.has_other_acted_since(Party::First, began_ns) {
-                world.reports.on_pulse(world.now_ns(), pulse);
-            }
-        });
+        world::with(|world| world.judge_pulse(Party::First, pulsed, ending));
     }
 
     /// Two coils at once, the second for a shorter time.

@@ -88,6 +88,14 @@ impl Pins {
         self.rises[usize::from(line) % 64]
     }
 
+    /// The longest time that a line was on, of those that have begun since then, ns.
+    pub fn longest_on_ns(&self, now_ns: u64, line: u8, since_ns: u64) -> u64 {
+        let index = usize::from(line) % 64;
+        let present = (self.lines.high >> index & 1 == 1).then_some((self.since_ns[index], now_ns));
+        let spans = self.spans[index].iter().copied().chain(present).filter(|(start, _)| *start >= since_ns);
+        spans.map(|(start, end)| end - start).max().unwrap_or(0)
+    }
+
     /// When the firmware started last, ns.
     pub fn started_ns(&self) -> u64 {
         self.started_ns

@@ -33,6 +33,10 @@ pub struct Pulse {
     pub ending: Ending,
     /// How often the line went on since the command was first sent.
     pub rises: u32,
+    /// The longest time that the line was on since then, ns.
+    pub on_ns: u64,
+    /// The time for which it was commanded, and what a pulse may be late, ns.
+    pub allowed_ns: u64,
     /// Nothing else disturbed the board since before the command.
     pub undisturbed: bool,
 }
@@ -131,7 +135,13 @@ impl Reports {
 
     /// A command with one pulse was sent.
     pub fn on_pulse(&mut self, now_ns: u64, pulse: Pulse) {
-        let Pulse { ending, rises, undisturbed } = pulse;
+        let Pulse { ending, rises, on_ns, allowed_ns, undisturbed } = pulse;
+        if on_ns > allowed_ns {
+            self.verdict.note(JUDGE, "pulse-length", now_ns, || {
+                let [on_ms, allowed_ms] = [on_ns, allowed_ns].map(|ns| ns / 1_000_000);
+                format!("a line was on for {on_ms} ms by a command that allows {allowed_ms}")
+            });
+        }
         if rises > 1 {
             self.verdict.note(JUDGE, "acts-at-most-once", now_ns, || {
                 format!("a command that ended {ending:?} acted {rises} times")
@@ -296,7 +306,7 @@ mod tests {
     fn a_confirmed_command_acts_once() {
         let rule = |ending, rises, undisturbed| {
             let mut judge = judge();
-            judge.on_pulse(0, Pulse { ending, rises, undisturbed });
+            judge.on_pulse(0, Pulse { ending, rises, on_ns: 33, allowed_ns: 33, undisturbed });
             judge.finish().firsts().first().map(|(first, _)| first.rule)
         };
         assert_eq!(rule(Ending::Done, 1, true), None);
@@ -305,5 +315,14 @@ mod tests {
         assert_eq!(rule(Ending::Done, 0, false), None);
         assert_eq!(rule(Ending::Refused, 1, true), Some("refused-and-acted"));
         assert_eq!(rule(Ending::Unknown, 1, true), None);
+    }
+
+    #[test]
+    fn a_command_that_acts_for_too_long_is_seen_however_it_ended() {
+        for ending in [Ending::Done, Ending::Unknown] {
+            let mut judge = judge();
+            judge.on_pulse(0, Pulse { ending, rises: 1, on_ns: 34, allowed_ns: 33, undisturbed: false });
+            assert!(judge.finish().has("pulse-length"), "{ending:?}");
+        }
     }
 }

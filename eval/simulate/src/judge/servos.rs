@@ -40,9 +40,16 @@ const NOTICE_MS: u64 = 3;
 const WRITE_ANYWAY_MS: u64 = 250;
 /// A servo that turns and reports an overload rests within this time, ms: a visit, a tick and the order to hold.
 const OVERLOAD_MS: u64 = 150;
-/// What a damaged request has put into a servo is read back and written again within this time, in board time: the next visit begins 10 ms
-/// after the last one, and each servo takes up to 6 ms of it. The limits of the servo do not hold for this time: it is unknown to the board.
-const REREAD_MS: u64 = 25;
+/// What a damaged request has put into a servo is read back in the next round of visits, which begins this long after the one before, in
+/// board time. The limits of the servo do not hold until it is written again: it is unknown to the board.
+const ROUND_MS: u64 = 10;
+/// That visit may find the servo where it cannot be: a vote of seven reads, and two of its registers. The stop that follows keeps it from
+/// writing the target again.
+const VOTE_MS: u64 = 10;
+/// Then each servo is held, this one last: up to six reads and a write of each.
+const HOLD_VISIT_MS: u64 = 6;
+/// The ceiling of a torque is rounded up, what is written to a servo down, thousandths.
+const TORQUE_SLACK: u16 = 1;
 /// Steps of one radian.
 const STEPS_PER_RAD: f32 = 4096.0 / std::f32::consts::TAU;
 
@@ -113,6 +120,8 @@ struct Track {
     was_unheard: bool,
     /// Since when it turns and reports an overload.
     overloaded_ns: Option<u64>,
+    /// Since when it has torque and no order explains its goal.
+    held_ns: Option<u64>,
     /// The end of its last motion under torque, ns.
     moved_ns: Option<u64>,
     /// Whether an order explains its goal, at that number of changes of the orders.
@@ -209,7 +218,7 @@ impl Servos {
     /// The board knows no servo: no order gives one another goal, and one that was on its way continues, however slowly.
     pub fn on_uncontrolled(&mut self, now_ns: u64) {
         self.end_orders(u64::MAX);
-        self.tracks.iter_mut().for_each(|track| track.motion = Motion::Stopping(now_ns));
+        self.tracks.iter_mut().for_each(|track| (track.motion, track.held_ns) = (Motion::Stopping(now_ns), None));
     }
 
     /// The safe state is latched, since then.
@@ -248,6 +257,7 @@ impl Servos {
         for track in &mut self.tracks {
             track.motion = Motion::Stopping(now_ns);
             (track.answered_ns, track.overloaded_ns, track.moved_ns) = (None, None, None);
+            track.held_ns = None;
             track.excused_ns = now_ns + (START_MS - HOLD_MS) * MS;
             track.misled_ns = track.misled_ns.map(|_| track.excused_ns);
             track.doubtful_ns = None;
@@ -288,6 +298,7 @@ impl Servos {
                     excused_ns: 0,
                     was_unheard: false,
                     overloaded_ns: None,
+                    held_ns: None,
                     moved_ns: None,
                     explained: None,
                     misled_ns: None,
@@ -359,15 +370,16 @@ impl Servos {
         self.check_misled(now_ns, index, &mut track, &servo);
         if is_misled {
             // Where it comes to rest afterwards is where it rests.
-            track.motion = Motion::Stopping(now_ns);
+            (track.motion, track.held_ns) = (Motion::Stopping(now_ns), None);
         }
         // One that rests, or is at its goal, may bend a little, as when what had blocked it goes away.
         let is_away = (joint.goal - joint.step).abs() > HOLD_STEPS;
-        if turned.abs() > REST_STEPS && is_away && !matches!(track.motion, Motion::Resting(_)) {
+        if turned.abs() > REST_STEPS && is_away && !is_misled && !matches!(track.motion, Motion::Resting(_)) {
             track.moved_ns = Some(now_ns);
         }
         if is_powered {
             self.check_rest(now_ns, index, &mut track, turned);
+            self.check_strength(now_ns, &mut track, &servo);
             self.check_fallback(now_ns, &track, &servo);
             self.check_overload(now_ns, &mut track, turned);
         } else {
@@ -382,11 +394,16 @@ impl Servos {
             track.misled_ns = track.misled_ns.max(Some(now_ns));
         }
         let Some(misled_ns) = track.misled_ns else { return false };
-        if now_ns <= misled_ns + self.ceilings.true_ns(REREAD_MS) {
+        if now_ns <= misled_ns + self.ceilings.true_ns(self.reread_ms()) {
             return true;
         }
         (track.misled_ns, track.doubtful_ns) = (None, Some(now_ns));
         false
+    }
+
+    /// The longest time from a damaged request to the next one that is written.
+    fn reread_ms(&self) -> u64 {
+        ROUND_MS + VOTE_MS + HOLD_VISIT_MS * self.ceilings.servos.len() as u64
     }
 
     /// What a damaged request had put into it is gone: it has a goal that an order explains, or is at its goal.
@@ -398,8 +415,9 @@ impl Servos {
         let Joint { id, goal, step, has_torque, .. } = track.last;
         let late = f32::from(servo.max_steps_s) * 1e-3 * READ_AGE_MS as f32;
         if has_torque && (goal - step).abs() > HOLD_STEPS + late && !self.is_ordered(index, goal) {
+            let reread_ms = self.reread_ms();
             self.verdict.note(JUDGE, "misled-goal", now_ns, || {
-                format!("servo {id} keeps the goal {goal:.0} of a damaged request for more than {REREAD_MS} ms")
+                format!("servo {id} keeps the goal {goal:.0} of a damaged request for more than {reread_ms} ms")
             });
         }
     }
@@ -486,6 +504,22 @@ impl Servos {
                     });
                 }
             }
+        }
+    }
+
+    /// One that holds does so with the torque of the profile: with less the arm sags.
+    fn check_strength(&mut self, now_ns: u64, track: &mut Track, servo: &ServoCeiling) {
+        let Joint { id, torque_limit, has_torque, .. } = track.last;
+        if !has_torque || track.motion == Motion::Ordered {
+            track.held_ns = None;
+            return;
+        }
+        let since_ns = *track.held_ns.get_or_insert(now_ns);
+        let from_ns = since_ns.max(track.excused_ns);
+        if torque_limit.saturating_add(TORQUE_SLACK) < servo.max_torque && now_ns > from_ns + self.ceilings.true_ns(HOLD_MS) {
+            self.verdict.note(JUDGE, "servo-weak", now_ns, || {
+                format!("servo {id} holds with {torque_limit} thousandths of its torque, the profile says {}", servo.max_torque)
+            });
         }
     }
 

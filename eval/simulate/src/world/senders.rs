@@ -8,8 +8,9 @@ use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 
 use super::World;
+use crate::answers::PULSE_MS;
 use crate::hostile::{self, Sent};
-use crate::judge::reports::Ending;
+use crate::judge::reports::{Ending, Pulse};
 use crate::judge::servos::Wish;
 
 /// After a stop that came behind a command the lines are off within this time, ms of the board's clock.
@@ -17,6 +18,8 @@ const STOP_MS: u64 = 3;
 /// For this time nothing that came before that stop may act, ms.
 const QUIET_MS: u64 = 60;
 
+/// A pulse ends this much late, ms of the board's clock: two late ticks, and the one in which it begins.
+const PULSE_LATE_MS: u64 = 3;
 /// A request to leave the safe state acts within this time, ns: three ticks.
 const CLEAR_NS: u64 = 3_000_000;
 /// The board answers a caller within this time, ns, or not at all.
@@ -50,6 +53,19 @@ pub enum Party {
     Second,
     /// The hostile sender.
     Hostile,
+}
+
+/// A command that switches one coil on for [`PULSE_MS`].
+#[derive(Clone, Copy, Debug)]
+pub struct Pulsed {
+    coil: u8,
+    /// The line that goes on first.
+    line: u8,
+    /// When the host began to bring the board to rest.
+    began_ns: u64,
+    sent_ns: u64,
+    rises: u32,
+    has_supply: bool,
 }
 
 impl World {
@@ -89,6 +105,31 @@ impl World {
         let reachable = !at_once && self.is_undisturbed_since(began_ns);
         let moving = if reachable { self.servos.moving() } else { None };
         self.reports.on_stopped(now_ns, lines, moving);
+    }
+
+    /// A host is about to send a pulse of a coil to the board, which it has brought to rest since `began_ns`. `None` where something is on,
+    /// or the coil is a latch's.
+    pub fn begin_pulse(&self, coil: u8, began_ns: u64) -> Option<Pulsed> {
+        let sent_ns = self.now_ns();
+        let line = self.arm.pulsed_line(coil).filter(|_| self.pins.high() == 0)?;
+        let (rises, has_supply) = (self.pins.rises(line), self.pins.has_supply(sent_ns, 1));
+        Some(Pulsed { coil, line, began_ns, sent_ns, rises, has_supply })
+    }
+
+    /// The pulse is over, whatever came of it: what its lines did, if nobody else has acted since.
+    pub fn judge_pulse(&mut self, party: Party, pulsed: Pulsed, ending: Ending) {
+        let Pulsed { coil, line, began_ns, sent_ns, rises, has_supply } = pulsed;
+        if self.has_other_acted_since(party, began_ns) {
+            return;
+        }
+        let now_ns = self.now_ns();
+        let lines = self.arm.coil_lines(coil);
+        let on_ns = lines.map(|line| self.pins.longest_on_ns(now_ns, line, sent_ns)).max().unwrap_or(0);
+        let allowed_ns = self.pins.true_us_ns(1_000 * (u64::from(PULSE_MS) + PULSE_LATE_MS));
+        let has_supply = has_supply && self.has_supply_alone(party, began_ns);
+        let undisturbed = has_supply && self.is_undisturbed_since(began_ns);
+        let rises = self.pins.rises(line) - rises;
+        self.reports.on_pulse(now_ns, Pulse { ending, rises, on_ns, allowed_ns, undisturbed });
     }
 
     /// What flash holds, for judge 2.

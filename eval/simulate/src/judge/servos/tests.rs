@@ -87,6 +87,32 @@ fn a_servo_that_the_profile_holds_keeps_its_torque() {
     }
 }
 
+#[test]
+fn a_servo_that_holds_with_less_torque_than_the_profile_says_is_seen() {
+    for (torque_limit, ticks, is_broken) in [(799, 200, false), (500, 90, false), (500, 110, true), (0, 110, true)] {
+        let mut judge = judge(false);
+        turn(&mut judge, 4, ticks, Joint { torque_limit, ..REST }, 0.0);
+        assert_eq!(judge.finish().has("servo-weak"), is_broken, "{torque_limit} thousandths for {ticks} ms");
+    }
+    let mut judge = judge(false);
+    judge.on_order(4 * MS, Wish::Angle(0, 0.0));
+    turn(&mut judge, 4, 300, Joint { torque_limit: 500, ..REST }, 0.0);
+    assert!(!judge.finish().has("servo-weak"), "a table may say less");
+}
+
+#[test]
+fn a_damaged_request_is_no_motion_after_a_fault() {
+    for (ticks, is_broken) in [(15, false), (200, true)] {
+        let mut judge = judge(false);
+        judge.on_fault(5 * MS, 4 * MS);
+        let joint = turn(&mut judge, 4, 1_000, REST, 0.0);
+        let joint = turn(&mut judge, 1_004, ticks, Joint { goal: 2400.0, misled: 1, ..joint }, 500.0);
+        turn(&mut judge, 1_004 + ticks, 100, Joint { goal: joint.step, ..joint }, 0.0);
+        judge.on_fault(1_400 * MS, 4 * MS);
+        assert_eq!(judge.verdict.has("fault-motion"), is_broken, "for {ticks} ms");
+    }
+}
+
 /// docs/safety.md: servos stay below the profile's torque.
 #[test]
 fn a_torque_limit_beyond_the_profile_is_seen() {
