@@ -15,6 +15,9 @@ pub const MAX_BEND_STEPS: f32 = 5.0;
 /// the goal, which bends it again (5), at rest under the bend of before (5), plus rounding (2) and, at the largest speed of a
 /// script (3 rad/s), what it turns in 2 ms from the answer to the order (4).
 const HOLD_STEPS: f32 = 16.0;
+/// A start keeps the goal of a servo that is within 16 steps of it, where its load may have bent it (docs/safety.md). One that was on its way
+/// there, too slowly to be seen, arrives, one bend (5) and the rounding of its place (1) beyond what is held otherwise.
+const KEPT_STEPS: f32 = MAX_BEND_STEPS + 1.0;
 /// Answers that are damaged in a row, and that each can be, may take the place to hold this much farther away, steps: docs/safety.md.
 const DAMAGED_STEPS: f32 = 8.0;
 /// A position that a servo turning at speed has reported is this old when it becomes the goal, ms: two visits and their answers.
@@ -118,6 +121,10 @@ struct Track {
     excused_ns: u64,
     /// Its answers or orders may have been damaged since an order moved it last.
     was_unheard: bool,
+    /// No order has moved it since the start.
+    is_as_started: bool,
+    /// Where it came to rest first after its last order, as long as it has torque and all was well on its bus: starts may not add up.
+    rested: Option<f32>,
     /// Since when it turns and reports an overload.
     overloaded_ns: Option<u64>,
     /// Since when it has torque and no order explains its goal.
@@ -218,7 +225,9 @@ impl Servos {
     /// The board knows no servo: no order gives one another goal, and one that was on its way continues, however slowly.
     pub fn on_uncontrolled(&mut self, now_ns: u64) {
         self.end_orders(u64::MAX);
-        self.tracks.iter_mut().for_each(|track| (track.motion, track.held_ns) = (Motion::Stopping(now_ns), None));
+        for track in &mut self.tracks {
+            (track.motion, track.held_ns, track.rested) = (Motion::Stopping(now_ns), None, None);
+        }
     }
 
     /// The safe state is latched, since then.
@@ -257,7 +266,7 @@ impl Servos {
         for track in &mut self.tracks {
             track.motion = Motion::Stopping(now_ns);
             (track.answered_ns, track.overloaded_ns, track.moved_ns) = (None, None, None);
-            track.held_ns = None;
+            (track.held_ns, track.is_as_started) = (None, true);
             track.excused_ns = now_ns + (START_MS - HOLD_MS) * MS;
             track.misled_ns = track.misled_ns.map(|_| track.excused_ns);
             track.doubtful_ns = None;
@@ -297,6 +306,8 @@ impl Servos {
                     driven_ns: None,
                     excused_ns: 0,
                     was_unheard: false,
+                    is_as_started: true,
+                    rested: None,
                     overloaded_ns: None,
                     held_ns: None,
                     moved_ns: None,
@@ -370,7 +381,7 @@ impl Servos {
         self.check_misled(now_ns, index, &mut track, &servo);
         if is_misled {
             // Where it comes to rest afterwards is where it rests.
-            (track.motion, track.held_ns) = (Motion::Stopping(now_ns), None);
+            (track.motion, track.held_ns, track.rested) = (Motion::Stopping(now_ns), None, None);
         }
         // One that rests, or is at its goal, may bend a little, as when what had blocked it goes away.
         let is_away = (joint.goal - joint.step).abs() > HOLD_STEPS;
@@ -474,6 +485,7 @@ impl Servos {
         track.explained = Some((self.changes, is_ordered));
         if has_torque && is_ordered {
             (track.motion, track.was_unheard) = (Motion::Ordered, !track.last.is_heard);
+            (track.is_as_started, track.rested) = (false, None);
             return;
         }
         if track.motion == Motion::Ordered {
@@ -497,10 +509,16 @@ impl Servos {
             }
             Motion::Resting(at) => {
                 let damaged_steps = if track.was_unheard { DAMAGED_STEPS } else { 0.0 };
-                if (step - at).abs() > HOLD_STEPS + self.other_range_steps + damaged_steps {
-                    track.motion = Motion::Stopping(now_ns);
+                let kept_steps = if track.is_as_started { KEPT_STEPS } else { 0.0 };
+                let allowed = HOLD_STEPS + kept_steps + self.other_range_steps + damaged_steps;
+                if !has_torque || !track.last.is_heard {
+                    track.rested = None;
+                }
+                let first = *track.rested.get_or_insert(at);
+                if (step - at).abs() > allowed || (step - first).abs() > allowed {
+                    (track.motion, track.rested) = (Motion::Stopping(now_ns), None);
                     self.verdict.note(JUDGE, "unasked-motion", now_ns, || {
-                        format!("servo {id} came to rest at step {at:.0} and is at {step:.0}, goal {goal:.0}; no order explains that")
+                        format!("servo {id} came to rest at step {first:.0} and is at {step:.0}, goal {goal:.0}; no order explains that")
                     });
                 }
             }

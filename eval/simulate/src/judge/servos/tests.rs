@@ -177,6 +177,32 @@ fn a_hold_that_creeps_is_seen_and_one_that_bends_once_is_not() {
 }
 
 #[test]
+fn a_start_may_let_a_servo_arrive_that_was_nearly_there() {
+    for (steps, is_broken) in [(21.0, false), (23.0, true)] {
+        let mut judge = judge(false);
+        judge.on_start(4 * MS);
+        turn(&mut judge, 4, 500, REST, 0.0);
+        turn(&mut judge, 504, 500, Joint { goal: 2048.0 + steps, ..REST }, 500.0);
+        assert_eq!(broken(judge).is_empty(), !is_broken, "{steps} steps");
+    }
+}
+
+#[test]
+fn starts_that_let_a_servo_sink_a_little_each_are_seen() {
+    for (starts, is_broken) in [(4, false), (5, true)] {
+        let mut judge = judge(false);
+        let mut joint = turn(&mut judge, 4, 5, REST, 0.0);
+        for start in 0..starts {
+            judge.on_start((9 + 500 * start) * MS);
+            joint.goal -= 5.0;
+            joint = turn(&mut judge, 9 + 500 * start, 500, joint, 500.0);
+        }
+        let rules = broken(judge);
+        assert_eq!(!rules.is_empty(), is_broken, "{starts} starts: {rules:?}");
+    }
+}
+
+#[test]
 fn torque_before_the_first_answer_is_seen() {
     let mut judge = judge(false);
     judge.on_start(4 * MS);
