@@ -66,6 +66,8 @@ const RANGE_MARGIN_STEPS: i16 = (RANGE_MARGIN_RAD * (SERVO_STEPS_PER_TURN / TAU)
 const REPORT_STEPS_S: f32 = 100.0;
 /// Farther than this from what it is to hold a servo was moved, steps: 0.1 rad, twice what the load of a sound arm bends it.
 const STRAY_STEPS: u16 = 65;
+/// Over this time the mean speed of a servo is judged: the noise of the two places, 16 steps, is then 80 steps/s, 0.12 rad/s.
+const SPEED_SPAN: Micros = Micros::from_millis(200);
 /// Visits in which a servo brakes, or turns round, after another order.
 const SETTLE_VISITS: u8 = 30;
 
@@ -127,6 +129,8 @@ struct Known {
     action: Option<ServoAction>,
     /// Where it was seen last; `None` when it has not answered since, or never.
     place: Option<Place>,
+    /// Where it was at the begin of the span in which its mean speed is judged.
+    span_from: Option<Place>,
     /// The position that it is to hold, steps.
     goal: Option<i16>,
     /// What it is to do is its first order since the start.
@@ -248,13 +252,30 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
         if known.progress == Progress::Done && known.visits <= REWRITE_VISITS {
             return Ok(seen);
         }
+        let is_new = known.progress == Progress::Due;
         match joint.action {
             ServoAction::Go(target) => self.go(index, &joint, goal(&target, &joint.limit), shared).await?,
             ServoAction::Hold => self.hold(index, &joint.limit, &sample, before.is_none()).await?,
             ServoAction::Release => self.release(index, joint.limit.id).await?,
         }
-        let is_deaf = self.known(index).tries > MAX_TRIES;
+        // Orders that change in each visit leave none to read one back.
+        let is_deaf = self.known(index).tries > MAX_TRIES && !(is_new && self.has_taken(index, &joint).await?);
         Ok(if is_deaf { ServoSeen { answered: shared.servo_seen(index).answered, ..seen } } else { seen })
+    }
+
+    /// Whether a servo has what was written to it in this visit.
+    async fn has_taken(&mut self, index: usize, joint: &Joint) -> Result<bool, BusError> {
+        let found = self.registers(joint.limit.id).await?;
+        let held = self.known(index).goal.map(|steps| goal_registers(steps, &joint.limit));
+        let has_taken = match joint.action {
+            ServoAction::Go(target) => does(&found, &goal(&target, &joint.limit)),
+            ServoAction::Hold => held.is_some_and(|held| keeps(&found, &held)),
+            ServoAction::Release => found.first() == Some(&0),
+        };
+        if has_taken {
+            self.note(index, |known| known.tries = 0);
+        }
+        Ok(has_taken)
     }
 
     async fn go(
@@ -324,14 +345,17 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
         let third = self.agree(limit, Some(second.place)).await?;
         let has_jumped = first.has_jumped || second.has_jumped || third.has_jumped;
         let seen = median([first, second, third].map(|sample| sample.place.steps));
-        // The load has bent it from the goal that it has: its place for another goal would bend it again.
+        // Its load has bent it from the goal that it has: its place for another goal would bend it again, and with each stop once more. How far
+        // it may leave the goal that it was given is for `judge` to say.
         let is_kept =
-            |goal: &i16| goal.abs_diff(seen) <= BENT_STEPS && (known.goal.is_some() || is_in_range(*goal, limit));
+            |goal: &i16| known.goal.is_some() || goal.abs_diff(seen) <= BENT_STEPS && is_in_range(*goal, limit);
         let steps = in_force.filter(is_kept).unwrap_or_else(|| place_to_hold(seen, limit));
         self.note(index, |known| {
             // One that has jumped is held all the same; the next visit finds it, and reports it.
             known.place = if has_jumped { known.place } else { Some(third.place) };
-            (known.goal, known.settling) = (Some(steps), SETTLE_VISITS);
+            if known.goal != Some(steps) {
+                (known.goal, known.settling) = (Some(steps), SETTLE_VISITS);
+            }
             known.is_written(known.is_driven);
         });
         let [_, values @ ..] = goal_registers(steps, limit);
@@ -446,7 +470,7 @@ impl Known {
     /// each other do not show where it is, and where it was limits where it can be; one that was silent may have been turned.
     fn miss(&mut self, error: BusError) {
         if error != BusError::Doubtful {
-            self.place = None;
+            (self.place, self.span_from) = (None, None);
         }
         (self.is_driven, self.visits, self.is_silent) = (false, REWRITE_VISITS, error == BusError::Silent);
         self.breach = None;
@@ -462,18 +486,29 @@ impl Known {
         self.visits = self.visits.saturating_add(1);
     }
 
-    /// What it does that its profile does not allow, in this visit and the one before, for a single answer may be damaged; or in this
-    /// one, where a vote shows it far from `before`, where it was then.
+    /// What it does that its profile does not allow, if it did so in the visit before too, in the same way or another, for a single answer may
+    /// be damaged; or in this one alone, where a vote shows it far from `before`, where it was then, or from where it was a while ago.
     fn judge(&mut self, limit: &ServoWiring, before: Option<Place>, sample: &Sample) -> Option<ServoBreach> {
         self.settling = self.settling.saturating_sub(1);
         let (breach, last) = (self.breach(limit, before, sample), self.breach);
         self.breach = breach;
-        let reported = breach.filter(|_| last == breach || sample.has_jumped);
-        if reported == Some(ServoBreach::Moved) && !self.is_driven {
-            // It is where it has sunk to. That was reported, and the safe state can be left.
-            self.goal = None;
+        let reported = breach.filter(|_| last.is_some() || sample.has_jumped);
+        let reported = reported.or_else(|| self.is_fast(limit, sample).then_some(ServoBreach::Speed));
+        if reported == Some(ServoBreach::Moved) && self.action == Some(ServoAction::Hold) {
+            // That was reported. It holds where it is now, so that the safe state can be left.
+            (self.goal, self.progress) = (None, Progress::Due);
         }
         reported
+    }
+
+    /// Whether it has turned too far in a span of [`SPEED_SPAN`]: in a single visit the noise of two places is worth a turn in eight seconds.
+    fn is_fast(&mut self, limit: &ServoWiring, sample: &Sample) -> bool {
+        let Some(from) = self.span_from.filter(|from| from.age(sample.asked) >= SPEED_SPAN) else {
+            self.span_from = self.span_from.or(Some(sample.place));
+            return false;
+        };
+        self.span_from = Some(sample.place);
+        from.distance(sample) > 2.0 * place::NOISE_STEPS + place::limit_steps_s(limit) * from.elapsed_s(sample)
     }
 
     fn breach(&mut self, limit: &ServoWiring, before: Option<Place>, sample: &Sample) -> Option<ServoBreach> {

@@ -245,7 +245,12 @@ impl<'t> Sequencer<'t> {
 
     fn run_by_hand(&mut self, command: Command) -> Result<(), CommandError> {
         self.check_free()?;
-        if !matches!(command, Command::Coil { on_ms: 0, .. }) {
+        // Off drives nothing, but for a latch, which a pulse resets.
+        let drives = match command {
+            Command::Coil { coil, on_ms: 0 } => self.coils.is_latch(coil),
+            _ => true,
+        };
+        if drives {
             self.check_servos_answer()?;
         }
         let wiring = self.table.as_deref().ok_or(CommandError::NoTable)?.wiring();
@@ -279,7 +284,7 @@ impl<'t> Sequencer<'t> {
         };
         let wiring = table.wiring();
         self.switches.check(self.now, seen.switches, &self.coils.word(), wiring)?;
-        let joints = wiring.servos.iter().zip(&self.servos).zip(&self.answered);
+        let joints = self.joints().zip(&self.servos).zip(&self.answered);
         let servos = joints.zip(&seen.servos).zip(&self.offsets_rad);
         let is_active = !matches!(self.phase, Phase::Idle | Phase::Safe(_));
         for (index, ((((joint, action), &answered), servo), offset_rad)) in servos.enumerate() {
@@ -335,9 +340,8 @@ impl<'t> Sequencer<'t> {
     }
 
     fn release(&mut self) -> Result<(), FaultKind> {
-        let before = self.coils.word();
-        self.coils.release(self.now)?;
-        self.switches.travel(self.now, self.coils.word().differing(&before));
+        let actuators = self.coils.release(self.now)?;
+        self.switches.travel(self.now, actuators);
         Ok(())
     }
 

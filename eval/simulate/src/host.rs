@@ -134,6 +134,8 @@ impl<'s> Host<'s> {
             HostAct::LoseOffsets => return self.lose_offsets(seed),
             HostAct::RepeatStart => return self.repeat_start(seed),
             HostAct::Mislead => return self.mislead(seed),
+            HostAct::Sag => return self.sag(seed),
+            HostAct::Off(coil) => return self.off(coil),
             HostAct::Supply(form) => return self.supply(form, seed),
             HostAct::WearOut(tables) => return self.wear_out(tables, seed),
             HostAct::LateHello => return self.late_hello(seed),

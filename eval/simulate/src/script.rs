@@ -82,6 +82,10 @@ pub enum HostAct {
     Mislead,
     /// Something is driven, and the supply of the board does this.
     Supply(SupplyForm),
+    /// A load that a servo does not bear pushes it away from what it holds, while a coil is on.
+    Sag,
+    /// A coil by hand, and off again before its time is over.
+    Off(u8),
     /// Somebody has tables stored, or zero offsets (`false`), as fast as the board takes them, over starts too.
     WearOut(bool),
 }
@@ -438,7 +442,8 @@ impl Script {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed ^ 0x7265_7374);
         let supply = HostAct::Supply(SupplyForm::ALL[rng.random_range(0..SupplyForm::ALL.len())]);
         let has_servos = !self.arm.servos.is_empty();
-        let act = match rng.random_range(0..12u8) {
+        let act = match rng.random_range(0..14u8) {
+            12 | 13 if has_servos => HostAct::Sag,
             0 | 1 | 11 => HostAct::LoseProfile,
             2 | 3 if has_servos => HostAct::LoseOffsets,
             4 | 5 => HostAct::RepeatStart,
@@ -504,6 +509,7 @@ impl Script {
             19 => HostAct::Calibrate(rng.random_range(-80..80)),
             20 => HostAct::Exhaust(coil, rng.random_range(0..self.tables.len())),
             21 => HostAct::WrongWord(rng.random()),
+            22 => HostAct::Off(coil),
             _ => HostAct::Events,
         }
     }
@@ -541,8 +547,12 @@ fn draw_arm(rng: &mut ChaCha8Rng, seed: u64) -> (ArmPlan, Vec<Table>) {
         // A Pico and an STM32L475 measure this one both.
         let min_supply_mv = (seed % 3 != 2).then_some(3_000);
         let arm = ArmPlan { stop_opens: seed % 4 == 2, min_supply_mv, ..ArmPlan::draw(rng) };
-        let (wirings, profile) =
-            ([arm.wiring(), arm.reversed_wiring(), arm.hasty_wiring()], arm.profile().profile.digest);
+        let mut second = arm.reversed_wiring();
+        if seed % 3 == 0 {
+            // A table may leave out what the arm hangs on.
+            second.servos.clear();
+        }
+        let (wirings, profile) = ([arm.wiring(), second, arm.hasty_wiring()], arm.profile().profile.digest);
         let mut table = |index: u64| {
             let wiring = &wirings[index as usize - 1];
             let rows = rng.random_range(4..60);

@@ -131,6 +131,8 @@ pub struct World {
     stuck: Option<(u32, bool)>,
     /// The supply of the board is low.
     is_supply_low: bool,
+    /// Until then a servo may be moved by something stronger than it.
+    pushed_ns: u64,
     /// The kind of the disturbance that ended last, and when, until the host gets through again.
     recovering: Option<(&'static str, u64)>,
     /// Since when the host tries to get through.
@@ -200,6 +202,7 @@ impl World {
             act_faults: ServoFaults::default(),
             stuck: None,
             is_supply_low: false,
+            pushed_ns: 0,
             recovering: None,
             tried_ns: None,
             recoveries: Vec::new(),
@@ -387,6 +390,7 @@ impl World {
                 is_heard: !is_noisy && !has(unheard),
                 misled: state.misled,
                 is_bus_clear,
+                is_pushed: now_ns < self.pushed_ns,
             }
         };
         let is_powered = self.bench.is_powered();

@@ -33,7 +33,7 @@ pub(super) struct Sample {
     pub(super) has_jumped: bool,
     load: u16,
     error: u8,
-    asked: Micros,
+    pub(super) asked: Micros,
     came: Micros,
 }
 

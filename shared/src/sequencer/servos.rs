@@ -86,12 +86,17 @@ impl Sequencer<'_> {
 
     /// Refuses to drive anything while a servo that has answered before is silent.
     pub(super) fn check_servos_answer(&self) -> Result<(), CommandError> {
-        let Some(table) = self.table.as_deref() else { return Ok(()) };
-        let mut joints = table.wiring().servos.iter().zip(&self.answered);
-        match joints.position(|(joint, answered)| is_silent(self.now, joint, *answered)) {
+        match self.joints().zip(&self.answered).position(|(joint, answered)| is_silent(self.now, joint, *answered)) {
             Some(index) => Err(CommandError::ServoSilent { servo: index as u8 }),
             None => Ok(()),
         }
+    }
+
+    /// The servos of the profile, each as the table has it, or as the profile has one that the table leaves out: it may bear the arm too.
+    pub(super) fn joints(&self) -> impl Iterator<Item = &ServoWiring> {
+        let named = self.table.as_deref().map_or(&[][..], |table| table.wiring().servos.as_slice());
+        let own = self.profile.servos.iter().map(|servo| &servo.limit);
+        named.iter().chain(own.skip(named.len()))
     }
 
     /// What servos do that their profile does not allow, in every state and without a table: who moves one that holds, or has none,

@@ -1,5 +1,6 @@
 //! The host's acts that need more than one request, each with what the judges learn from it.
 
+use darm_core::output::MAX_SERVOS;
 use darm_core::sequencer::{Command, Phase};
 use darm_core::wire::bootstrap::RebootTarget;
 use darm_core::wire::message::Calibration;
@@ -192,10 +193,15 @@ impl Host<'_> {
     pub(super) fn act_after_stop(&mut self) {
         let Some((client, _)) = &mut self.client else { return };
         let result = client.command(Command::Coil { coil: 0, on_ms: PULSE_MS });
-        if result.is_ok() {
+        let calibration = Calibration::try_from([0.0; MAX_SERVOS]).ok();
+        let calibrated = calibration.map(|calibration| client.calibrate(calibration));
+        if result.is_ok() || calibrated.as_ref().is_some_and(Result::is_ok) {
             world::with(|world| world.reports.on_command_after_stop(world.now_ns()));
         }
         self.note("command after a stop", result);
+        if let Some(calibrated) = calibrated {
+            self.note("calibration after a stop", calibrated);
+        }
     }
 
     /// Stops, then switches one coil on for a moment: the line is switched on once if that was confirmed.
@@ -208,6 +214,22 @@ impl Host<'_> {
         let ending = self.command("pulse", Command::Coil { coil, on_ms: PULSE_MS });
         world::pass(SETTLE_MS);
         world::with(|world| world.judge_pulse(Party::First, pulsed, ending));
+    }
+
+    /// Stops, then switches one coil on, and off before its time is over.
+    pub(super) fn off(&mut self, coil: u8) {
+        let began_ns = world::with(|world| world.now_ns());
+        if !self.is_own_table_at_rest() {
+            return;
+        }
+        let Some(pulsed) = world::with(|world| world.begin_pulse(coil, began_ns)) else { return };
+        for on_ms in [USE_MS, 0] {
+            if self.command("off", Command::Coil { coil, on_ms }) != Ending::Done {
+                return;
+            }
+            world::pass(10);
+        }
+        world::with(|world| world.judge_off(Party::First, pulsed));
     }
 
     /// Two coils at once, the second for a shorter time.
@@ -223,7 +245,10 @@ impl Host<'_> {
             return;
         }
         for (coil, on_ms) in [(first, 2 * PULSE_MS), (second, PULSE_MS)] {
-            self.command("pulse", Command::Coil { coil, on_ms });
+            if self.command("pulse", Command::Coil { coil, on_ms }) == Ending::Unknown {
+                // The line may hold a copy back that acts later.
+                return;
+            }
         }
         world::pass(SETTLE_MS);
         world::with(|world| {

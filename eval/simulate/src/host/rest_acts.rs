@@ -21,6 +21,10 @@ const TURN_RAD: f32 = 0.25;
 /// Turns of a servo, some of whose requests are damaged, and the time of each, ms.
 const TURNS: u64 = 4;
 const TURN_MS: u64 = 90;
+/// A load pushes a servo as far as this, a step each 2 ms: 0.2 rad.
+const SAG_STEPS: u16 = 130;
+/// Then it turns back, at 0.1 rad/s or more, ms.
+const BACK_MS: u64 = 2_500;
 /// What is driven while the supply fails is on for this time, ms: below the shortest limit of on-time.
 const DRIVEN_MS: u32 = 700;
 /// A dip of the supply, and the time from one to the next, ms.
@@ -180,7 +184,7 @@ impl Host<'_> {
         world::pass(10 + seed % 60);
         match form {
             SupplyForm::Falls => {
-                world::with(|world| world.set_supply(true));
+                world::with(|world| if seed & 1 == 0 { world.set_supply(true) } else { world.set_supply_mv(0) });
                 world::pass(150);
                 self.command("clear", Command::Clear);
                 self.drive();
@@ -202,6 +206,29 @@ impl Host<'_> {
         self.events();
         world::with(|world| world.set_supply(false));
         world::pass(SETTLE_MS);
+        self.command("clear", Command::Clear);
+    }
+
+    /// A servo holds and a coil is on; then a load pushes the servo away, and is taken off again.
+    pub(super) fn sag(&mut self, seed: u64) {
+        let Some(coil) = self.script.arm.steady_coil().filter(|_| self.is_ready()) else { return };
+        let index = seed as usize % self.script.arm.servos.len();
+        let angle_rad = self.far_angle_rad(index, TURN_RAD);
+        self.command("turn", Command::Servo { servo: index as u8, angle_rad });
+        world::pass(TURN_MS);
+        if !self.halt() {
+            return;
+        }
+        world::pass(2 * SETTLE_MS);
+        self.command("drive", Command::Coil { coil, on_ms: DRIVEN_MS });
+        for step in 1..=SAG_STEPS {
+            world::with(|world| world.push_servo(index, step as f32));
+            world::pass(2);
+        }
+        world::pass(SETTLE_MS / 2);
+        self.events();
+        world::with(|world| world.push_servo(index, 0.0));
+        world::pass(BACK_MS);
         self.command("clear", Command::Clear);
     }
 

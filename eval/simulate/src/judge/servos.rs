@@ -53,6 +53,10 @@ const VOTE_MS: u64 = 10;
 const HOLD_VISIT_MS: u64 = 6;
 /// The ceiling of a torque is rounded up, what is written to a servo down, thousandths.
 const TORQUE_SLACK: u16 = 1;
+/// Farther from its goal than this, 0.1 rad (docs/safety.md) and the noise of two places, a servo has left what it holds, steps; for this time,
+/// two visits and the vote of each, ms.
+const STRAY_STEPS: f32 = 65.0 + 16.0;
+const STRAY_MS: u64 = 60;
 /// Steps of one radian.
 const STEPS_PER_RAD: f32 = 4096.0 / std::f32::consts::TAU;
 
@@ -81,6 +85,8 @@ pub struct Joint {
     pub misled: u32,
     /// Nothing else delays the visits of the bus.
     pub is_bus_clear: bool,
+    /// Something with more strength than it moves its shaft, or has done so just now.
+    pub is_pushed: bool,
 }
 
 /// What somebody wants of the servos.
@@ -127,6 +133,8 @@ struct Track {
     rested: Option<f32>,
     /// Since when it turns and reports an overload.
     overloaded_ns: Option<u64>,
+    /// Since when something has pushed it away from what it holds.
+    strayed_ns: Option<u64>,
     /// Since when it has torque and no order explains its goal.
     held_ns: Option<u64>,
     /// The end of its last motion under torque, ns.
@@ -309,6 +317,7 @@ impl Servos {
                     is_as_started: true,
                     rested: None,
                     overloaded_ns: None,
+                    strayed_ns: None,
                     held_ns: None,
                     moved_ns: None,
                     explained: None,
@@ -365,7 +374,7 @@ impl Servos {
         };
         let turned = joint.step - before.step;
         if joint.has_torque {
-            if !is_misled {
+            if !is_misled && !joint.is_pushed {
                 self.check_limits(now_ns, span_ns, joint, turned, &servo);
             }
             let is_new = gets_torque || joint.goal != before.goal;
@@ -377,19 +386,31 @@ impl Servos {
             if is_new && !is_misled {
                 self.check_goal(now_ns, index, joint, &servo);
             }
+            if gets_torque && is_powered && !is_misled && !self.is_ordered(index, joint.goal) {
+                self.verdict.note(JUDGE, "unasked-torque", now_ns, || {
+                    format!(
+                        "servo {id} had no torque and gets some, and no order in force gives it the goal {:.0}",
+                        joint.goal
+                    )
+                });
+            }
         }
+        self.check_stray(now_ns, &mut track);
         self.check_misled(now_ns, index, &mut track, &servo);
-        if is_misled {
+        if is_misled || joint.is_pushed {
             // Where it comes to rest afterwards is where it rests.
             (track.motion, track.held_ns, track.rested) = (Motion::Stopping(now_ns), None, None);
         }
         // One that rests, or is at its goal, may bend a little, as when what had blocked it goes away.
         let is_away = (joint.goal - joint.step).abs() > HOLD_STEPS;
-        if turned.abs() > REST_STEPS && is_away && !is_misled && !matches!(track.motion, Motion::Resting(_)) {
+        let is_own = !is_misled && !joint.is_pushed;
+        if turned.abs() > REST_STEPS && is_away && is_own && !matches!(track.motion, Motion::Resting(_)) {
             track.moved_ns = Some(now_ns);
         }
         if is_powered {
-            self.check_rest(now_ns, index, &mut track, turned);
+            if !joint.is_pushed {
+                self.check_rest(now_ns, index, &mut track, turned);
+            }
             self.check_strength(now_ns, &mut track, &servo);
             self.check_fallback(now_ns, &track, &servo);
             self.check_overload(now_ns, &mut track, turned);
@@ -525,6 +546,20 @@ impl Servos {
         }
     }
 
+    /// The board latches the safe state where a servo is pushed away from what it holds.
+    fn check_stray(&mut self, now_ns: u64, track: &mut Track) {
+        let Joint { is_pushed, has_torque, is_heard, goal, step, .. } = track.last;
+        let is_away = is_pushed && has_torque && is_heard && (goal - step).abs() > STRAY_STEPS;
+        if !is_away || track.motion == Motion::Ordered {
+            track.strayed_ns = None;
+            return;
+        }
+        let since_ns = *track.strayed_ns.get_or_insert(now_ns);
+        if now_ns > since_ns + self.ceilings.true_ns(STRAY_MS) {
+            self.on_latched(now_ns);
+        }
+    }
+
     /// One that holds does so with the torque of the profile: with less the arm sags.
     fn check_strength(&mut self, now_ns: u64, track: &mut Track, servo: &ServoCeiling) {
         let Joint { id, torque_limit, has_torque, .. } = track.last;
@@ -534,9 +569,14 @@ impl Servos {
         }
         let since_ns = *track.held_ns.get_or_insert(now_ns);
         let from_ns = since_ns.max(track.excused_ns);
-        if torque_limit.saturating_add(TORQUE_SLACK) < servo.max_torque && now_ns > from_ns + self.ceilings.true_ns(HOLD_MS) {
+        if torque_limit.saturating_add(TORQUE_SLACK) < servo.max_torque
+            && now_ns > from_ns + self.ceilings.true_ns(HOLD_MS)
+        {
             self.verdict.note(JUDGE, "servo-weak", now_ns, || {
-                format!("servo {id} holds with {torque_limit} thousandths of its torque, the profile says {}", servo.max_torque)
+                format!(
+                    "servo {id} holds with {torque_limit} thousandths of its torque, the profile says {}",
+                    servo.max_torque
+                )
             });
         }
     }

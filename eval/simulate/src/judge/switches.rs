@@ -63,9 +63,7 @@ impl Switches {
             }
             let digit = digit(actuator, track.digit, lines, rising);
             if digit != track.digit && lines != 0 {
-                // What a latch is reset to after a stop is no change for the board, which counts it as reset.
-                let has_set = digit & !track.digit != 0 || actuator.coils.iter().all(|coil| coil.1.is_none());
-                (track.since_ns, track.wrong_ns) = (has_set.then_some(now_ns), None);
+                (track.since_ns, track.wrong_ns) = (Some(now_ns), None);
             }
             track.digit = digit;
             let is_closed = inputs >> actuator.input & 1 == 1;

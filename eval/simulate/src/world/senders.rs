@@ -132,6 +132,14 @@ impl World {
         self.reports.on_pulse(now_ns, Pulse { ending, rises, on_ns, allowed_ns, undisturbed });
     }
 
+    /// A coil was switched off by hand before its time was over, which was confirmed a few ticks ago.
+    pub fn judge_off(&mut self, party: Party, pulsed: Pulsed) {
+        let lines = self.arm.coil_lines(pulsed.coil).fold(0, |lines, line| lines | 1 << line) & self.pins.high();
+        if !self.has_other_acted_since(party, pulsed.began_ns) {
+            self.reports.on_pulses_over(self.now_ns(), lines);
+        }
+    }
+
     /// What flash holds, for judge 2.
     pub fn judge_loaded(&mut self, asked_ns: u64, model: Option<u64>, rows: u16) {
         if self.foreign_ns.is_none_or(|foreign_ns| foreign_ns < asked_ns) {

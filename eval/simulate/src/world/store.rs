@@ -80,9 +80,24 @@ impl World {
 
     /// The supply of the board is low, or good, from now on.
     pub fn set_supply(&mut self, is_low: bool) {
-        self.is_supply_low = is_low;
+        self.set_supply_mv(if is_low { LOW_SUPPLY_MV } else { GOOD_SUPPLY_MV });
+    }
+
+    /// The converter gives this from now on, mV: 0 where it gives nothing.
+    pub fn set_supply_mv(&mut self, mv: u16) {
+        self.is_supply_low = mv < GOOD_SUPPLY_MV;
         self.disturbed_ns = self.now_ns();
-        self.bench.set_supply(if is_low { LOW_SUPPLY_MV } else { GOOD_SUPPLY_MV });
+        self.bench.set_supply(mv);
+    }
+
+    /// A load pushes this servo so many steps away from where its own bends it, until it is taken away; then it may turn back for a while.
+    pub fn push_servo(&mut self, index: usize, steps: f32) {
+        const BACK_NS: u64 = 2_500_000_000;
+        self.pushed_ns = self.now_ns() + BACK_NS;
+        self.disturbed_ns = self.now_ns();
+        let own = self.arm.servos.iter().map(|servo| servo.bend_steps).enumerate();
+        let bends: Vec<f32> = own.map(|(own, bend)| if own == index { bend + steps } else { bend }).collect();
+        self.bench.plant_mut().bend_servos(&bends);
     }
 
     /// Shows the judge what the flash has borne.

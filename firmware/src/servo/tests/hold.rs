@@ -352,7 +352,7 @@ fn breaches(action: Option<Joint>, torque: u8, visits: u16, advance: impl Fn(u16
 fn a_servo_that_moves_in_hold_without_being_asked_is_found() {
     let hold = doing(ServoAction::Hold);
     let pushed = |visit: u16| 2000 + visit;
-    assert_eq!(breaches(hold, 1, 100, pushed)[99], Some(ServoBreach::Moved));
+    assert!(breaches(hold, 1, 100, pushed).contains(&Some(ServoBreach::Moved)));
     assert_eq!(breaches(hold, 1, 60, pushed), [None; 60], "the load bends it");
     assert_eq!(breaches(hold, 0, 200, pushed), [None; 200], "without torque a hand moves it");
     assert_eq!(breaches(doing(ServoAction::Release), 1, 200, pushed), [None; 200]);
@@ -605,4 +605,109 @@ fn a_servo_that_is_to_hold_has_not_answered_before_it_has_the_order() {
     };
     *fake.spoil.borrow_mut() = Some(Box::new(spoil));
     assert!(visit(&fake, shared, &clock, 1).answered.is_some());
+}
+
+/// Something with more strength than it bears it down, two steps in each visit. Anybody with the port can repeat a stop.
+#[test]
+fn a_servo_that_sinks_is_found_however_often_it_is_stopped() {
+    for every in [usize::MAX, 25, 10, 1] {
+        let (fake, shared, clock) = (under_way(2500), Shared::new(), HandClock::default());
+        fake.registers.borrow_mut().copy_within(56..58, 42);
+        shared.set_joints([doing(ServoAction::Hold), None, None, None]);
+        let mut bus = Bus::new(&fake, &fake, &clock);
+        let (mut at, mut found) = (2500, false);
+        let visits = async {
+            for visit in 0..150 {
+                at -= if visit > 60 { 2 } else { 0 };
+                stand_at(&fake, at);
+                if visit % every == 5 {
+                    shared.stop();
+                }
+                bus.visit_all(&shared).await;
+                found |= shared.servo_breaches()[0] == Some(ServoBreach::Moved);
+                assert!(found || at > 2500 - STRAY_STEPS - 8, "a stop each {every} visits, at {at}");
+                clock.0.set(clock.0.get() + CYCLE.0);
+            }
+        };
+        run(visits, || clock.0.set(clock.0.get() + 100));
+        assert!(found, "a stop each {every} visits");
+    }
+}
+
+#[test]
+fn a_servo_that_leaves_its_hold_in_jerks_is_found() {
+    let (fake, shared, clock) = (under_way(2500), Shared::new(), HandClock::default());
+    shared.set_joints([doing(ServoAction::Hold), None, None, None]);
+    let mut bus = Bus::new(&fake, &fake, &clock);
+    let mut found = Vec::new();
+    let visits = async {
+        for visit in 0..100_u16 {
+            let jerks = visit.saturating_sub(60).div_ceil(2);
+            stand_at(&fake, 2500 - 18 * jerks);
+            let speed: u16 = if jerks > 0 && visit % 2 == 1 { 1800 | POSITION_SIGN } else { 0 };
+            fake.registers.borrow_mut()[58..60].copy_from_slice(&speed.to_le_bytes());
+            bus.visit_all(&shared).await;
+            found.extend(shared.servo_breaches()[0].map(|breach| (visit, breach)));
+            clock.0.set(clock.0.get() + CYCLE.0);
+        }
+    };
+    run(visits, || clock.0.set(clock.0.get() + 100));
+    assert!(found.first().is_some_and(|(visit, _)| *visit < 72), "{found:?}");
+}
+
+/// A joint of 0.1 rad/s is moved by hand. In a single visit the noise of two places is worth 1.2 rad/s.
+#[test]
+fn the_mean_speed_of_a_slow_servo_is_watched() {
+    // Steps in 20 visits: 16 at 1.25 times the limit, and twice the noise of a place, 16.
+    for (steps_in_20, is_fast) in [(10, false), (30, false), (36, true), (160, true)] {
+        let slow = doing(ServoAction::Release).map(|joint| {
+            let limit = ServoWiring { max_speed_rad_s: 0.1, ..joint.limit };
+            Joint { limit, ..joint }
+        });
+        let found = breaches(slow, 0, 60, |visit| 1900 + visit * steps_in_20 / 20);
+        assert_eq!(found.contains(&Some(ServoBreach::Speed)), is_fast, "{steps_in_20} steps in 0.2 s");
+    }
+}
+
+/// Rows 10 ms apart. What is written in each visit is read back in none of the next.
+#[test]
+fn a_servo_that_takes_another_order_in_each_visit_is_not_silent() {
+    for stops in [false, true] {
+        let (fake, shared, clock) = (Fake::new(), Shared::new(), HandClock::default());
+        let mut bus = Bus::new(&fake, &fake, &clock);
+        let visits = async {
+            for visit in 0..60_u16 {
+                let order = if stops { doing(ServoAction::Hold) } else { joint(0.002 * f32::from(visit)) };
+                fake.registers.borrow_mut()[40] = 1;
+                shared.set_joints([order, None, None, None]);
+                shared.stop();
+                let began = clock.0.get();
+                bus.visit_all(&shared).await;
+                let answered = shared.servo_seen(0).answered.map(|answered| answered.0);
+                assert!(visit == 0 || answered >= Some(began), "visit {visit}: {answered:?}");
+                clock.0.set(clock.0.get() + CYCLE.0);
+            }
+        };
+        run(visits, || clock.0.set(clock.0.get() + 100));
+    }
+}
+
+/// Damage of a request can change any of its registers: torque, goal, speed and torque limit are compared.
+#[test]
+fn a_target_that_a_servo_has_not_taken_entirely_is_written_again() {
+    for (register, value) in [(40, 0), (42, 17), (46, 1), (48, 17)] {
+        let (fake, shared, clock) = (Fake::new(), Shared::new(), HandClock::default());
+        shared.set_joints([joint(0.5), None, None, None]);
+        let mut bus = Bus::new(&fake, &fake, &clock);
+        let visits = async {
+            bus.visit_all(&shared).await;
+            let wanted = fake.registers.borrow()[40..50].to_vec();
+            fake.registers.borrow_mut()[register] = value;
+            bus.visit_all(&shared).await;
+            // A lower speed is not faster than the target's.
+            let is_kept = register == 46;
+            assert_eq!(fake.registers.borrow()[40..50] == wanted, !is_kept, "register {register}");
+        };
+        run(visits, || clock.0.set(clock.0.get() + 100));
+    }
 }

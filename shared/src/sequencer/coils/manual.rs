@@ -97,8 +97,10 @@ impl Coils<'_> {
         self.wanted.with_digit(index, if on { digit | mask } else { digit & !mask })
     }
 
-    /// Switches what is requested by hand, no more coils at once than the supply can feed.
-    pub(in crate::sequencer) fn release(&mut self, now: Micros) -> Result<(), FaultKind> {
+    /// Switches what is requested by hand, no more coils at once than the supply can feed. The actuators that may travel from now on, bit
+    /// `a` for actuator `a`: those whose digit changes, and those whose latch gets a pulse, as after a stop, which makes every digit 0.
+    pub(in crate::sequencer) fn release(&mut self, now: Micros) -> Result<u64, FaultKind> {
+        let (before, pulsing) = (self.word, self.pulsing);
         for (index, bit) in Bits::of(self.timed) {
             if self.outputs.get(index).is_some_and(|output| now >= output.off_at) {
                 self.timed &= !bit;
@@ -115,6 +117,20 @@ impl Coils<'_> {
                 self.word = self.word.with_digit(index, digit);
             }
         }
-        Ok(())
+        Ok(self.word.differing(&before) | self.actuators_of(self.pulsing & !pulsing))
+    }
+
+    /// The actuators of coils.
+    fn actuators_of(&self, coils: u64) -> u64 {
+        if coils == 0 {
+            return 0;
+        }
+        let own = self.of_digit.iter().enumerate().filter(|(_, [low, high])| (low | high) & coils != 0);
+        own.fold(0, |actuators, (index, _)| actuators | 1 << index)
+    }
+
+    /// Whether a coil sets and resets a latch.
+    pub(in crate::sequencer) fn is_latch(&self, number: u8) -> bool {
+        self.latches & bit_of(number) != 0
     }
 }

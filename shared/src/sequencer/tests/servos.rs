@@ -1,7 +1,7 @@
 //! Servos: targets, answers, calibration.
 
-use super::{Bench, end, start, two_valves, word};
-use crate::output::ServoWiring;
+use super::{Bench, actuator, coil, end, row, start, two_valves, word};
+use crate::output::{Drive, ServoWiring};
 use crate::profile::Fallback;
 use crate::sequencer::{Command, CommandError, FaultKind, Phase, ServoAction, ServoBreach, ServoSeen};
 use crate::table::{Record, Row};
@@ -191,4 +191,31 @@ fn without_a_table_a_servo_out_of_its_range_is_a_fault_too() {
     assert!(bench.sequencer.unload().is_some());
     bench.servo(1.5).seen.servo_breaches[0] = Some(ServoBreach::Range);
     assert_eq!(bench.run(1).fault(), Some(FaultKind::ServoRange { servo: 0, angle_rad: 1.5 }));
+}
+
+/// An arm may hang on a servo that the table leaves out.
+#[test]
+fn a_servo_that_the_table_leaves_out_has_to_answer_too() {
+    let servos = servo_arm().sequencer.profile.servos.clone();
+    let mut bench =
+        Bench::with(&two_valves(&[row(0, "10"), row(40, "11"), end(90)]), |profile| profile.servos = servos);
+    bench.servo(0.0).run(1);
+    bench.command(Command::Play).unwrap();
+    assert_eq!(bench.run(10).fault(), None);
+    assert_eq!(bench.run(20).fault(), Some(FaultKind::ServoSilent { servo: 0 }));
+    bench.command(Command::Clear).unwrap();
+    let silent = Err(CommandError::ServoSilent { servo: 0 });
+    for command in [Command::Play, Command::Coil { coil: 0, on_ms: 10 }, Command::Word(word("10"))] {
+        assert_eq!(bench.command(command), silent, "{command:?}");
+    }
+    assert_eq!(bench.command(Command::Coil { coil: 0, on_ms: 0 }), Ok(()), "off drives nothing");
+}
+
+#[test]
+fn no_latch_is_reset_by_hand_while_a_servo_is_silent() {
+    let latch = coil(0, Drive::Latch { set: 0, reset: 1, pulse_ms: 5 });
+    let mut bench = Bench::new(&[start(), latch, actuator(0), servo(1), end(10)]);
+    bench.servo(1.0).run(200);
+    assert_eq!(bench.command(Command::Coil { coil: 0, on_ms: 0 }), Err(CommandError::ServoSilent { servo: 0 }));
+    assert_eq!((bench.run(20).outputs.lines, bench.fault()), (0, None));
 }

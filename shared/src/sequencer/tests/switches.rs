@@ -1,7 +1,7 @@
 //! Limit switches that contradict the word.
 
-use super::{Bench, end, row, two_valves};
-use crate::output::SwitchLimit;
+use super::{Bench, actuator, coil, end, row, start, two_valves};
+use crate::output::{Drive, SwitchLimit};
 use crate::sequencer::{Command, CommandError, FaultKind};
 use crate::table::Record;
 use crate::units::ActuatorId;
@@ -85,4 +85,23 @@ fn a_valve_that_sticks_while_the_word_waits_for_the_supply_is_found() {
     bench.run(40);
     let expected = FaultKind::Switch { actuator: ActuatorId(0), expected_closed: true, seen_closed: false };
     assert_eq!(bench.fault(), Some(expected));
+}
+
+/// A stop makes every digit 0, so that the reset by hand changes none.
+#[test]
+fn a_latch_that_sticks_when_it_is_reset_by_hand_after_a_stop_is_found() {
+    for reset in [Command::Word("0".parse().unwrap()), Command::Coil { coil: 0, on_ms: 0 }] {
+        let latch = coil(0, Drive::Latch { set: 0, reset: 1, pulse_ms: 5 });
+        let mut bench = Bench::new(&[start(), latch, actuator(0), end(10)]);
+        bench.follows = false;
+        bench.seen.switches = 1;
+        bench.command(Command::Word("1".parse().unwrap())).unwrap();
+        assert_eq!(bench.run(60).fault(), None);
+        bench.command(Command::Stop).unwrap();
+        bench.run(20);
+        bench.command(reset).unwrap();
+        assert_eq!(bench.run(5).outputs.lines, 0b10, "it gets its pulse");
+        let stuck = FaultKind::Switch { actuator: ActuatorId(0), expected_closed: false, seen_closed: true };
+        assert_eq!(bench.run(60).fault(), Some(stuck));
+    }
 }

@@ -15,6 +15,7 @@ const REST: Joint = Joint {
     is_heard: true,
     misled: 0,
     is_bus_clear: true,
+    is_pushed: false,
 };
 
 /// The judge of one servo that has answered and holds in the middle.
@@ -52,6 +53,12 @@ fn turn(judge: &mut Servos, from_ms: u64, ticks: u64, joint: Joint, steps_s: f32
         judge.look((from_ms + tick) * MS, true, [joint].into_iter());
     }
     joint
+}
+
+impl Servos {
+    fn last_has_no_torque(&mut self) {
+        self.tracks.iter_mut().for_each(|track| track.last.has_torque = false);
+    }
 }
 
 fn broken(judge: Servos) -> Vec<&'static str> {
@@ -98,6 +105,31 @@ fn a_servo_that_holds_with_less_torque_than_the_profile_says_is_seen() {
     judge.on_order(4 * MS, Wish::Angle(0, 0.0));
     turn(&mut judge, 4, 300, Joint { torque_limit: 500, ..REST }, 0.0);
     assert!(!judge.finish().has("servo-weak"), "a table may say less");
+}
+
+#[test]
+fn a_servo_that_gets_torque_without_an_order_is_seen() {
+    for (order_ms, is_broken) in [(Some(4), false), (None, true)] {
+        let mut judge = judge(false);
+        judge.on_start(4 * MS);
+        if order_ms.is_some() {
+            judge.on_order(4 * MS, Wish::Angle(0, 0.0));
+        }
+        judge.last_has_no_torque();
+        turn(&mut judge, 5, 3, REST, 0.0);
+        assert_eq!(judge.finish().has("unasked-torque"), is_broken, "{order_ms:?}");
+    }
+}
+
+/// The board has to have latched the safe state.
+#[test]
+fn a_servo_that_is_pushed_away_from_what_it_holds_latches_the_safe_state() {
+    for (step, is_latched) in [(2120.0, false), (2140.0, true)] {
+        let mut judge = judge(false);
+        turn(&mut judge, 4, 80, Joint { step, is_pushed: true, ..REST }, 0.0);
+        assert_eq!(judge.is_latched(), is_latched, "at {step}");
+        assert!(judge.verdict.firsts().is_empty(), "a push is no motion of its own");
+    }
 }
 
 #[test]
