@@ -5,6 +5,8 @@ use std::path::Path;
 use darm_arm::arm::{Arm, ArmError};
 
 use darm_robot::files::FileRef;
+use darm_robot::source::{ModelKind, Source};
+use darm_robot::urdf::Selection;
 
 use crate::correction::{ArmCorrection, Keep, SignalCorrection};
 use crate::diagnosis::{Options, SignalOptions, diagnose, diagnose_file};
@@ -92,10 +94,12 @@ impl Subject {
     ///
     /// The file cannot be read, or describes no model.
     pub fn read<'a>(file: impl Into<FileRef<'a>>) -> Result<Self, FilesError> {
-        let file = file.into();
-        Ok(match Model::read(&file)? {
-            Some(model) => Self::Signals(Box::new(model), Chosen::default()),
-            None => Self::Arm(Box::new(Arm::read(&file)?)),
+        let source = Source::read(file).map_err(FilesError::Model)?;
+        Ok(match source.kind() {
+            ModelKind::Robot | ModelKind::Experiment => {
+                Self::Signals(Box::new(Model::of_source(&source, &Selection::default())?), Chosen::default())
+            }
+            ModelKind::Arm => Self::Arm(Box::new(Arm::of_source(&source)?)),
         })
     }
 }

@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::linearise::model::{ModelError, is_robot};
+use crate::linearise::model::ModelError;
 use crate::linearise::model_effects::ModelEffect;
 use crate::measured::Measured;
 use darm_robot::files::FileRef;
-use darm_robot::source::Source;
+use darm_robot::source::{ModelKind, Source};
 
 /// A joint of a model that does not move: its name, and its position in deg or mm.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,15 +42,15 @@ impl ModelFile {
     ///
     /// A file that cannot be read, or that is not TOML.
     pub fn read<'a>(file: impl Into<FileRef<'a>>, kind: Measured) -> Result<Self, ModelError> {
-        let file = file.into();
-        let path = file.path;
-        let keys = if is_robot(&Source::read_lossy::<String>(&file)?) {
+        let source = Source::read(file)?;
+        let path = source.path();
+        let keys = if source.kind() == ModelKind::Robot {
             let observed = if kind == Measured::ContactWrench { "wrench" } else { "torque" };
             let own = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
             let keys = [("kind", "robot".to_string()), ("urdf", own), ("observed", observed.into())];
             keys.map(|(key, value)| (key.to_string(), toml::Value::String(value))).into_iter().collect()
         } else {
-            Source::read(&file)?.parse()?
+            source.parse()?
         };
         Ok(Self { path: path.into(), keys })
     }

@@ -50,7 +50,7 @@ pub fn read<'a>(file: impl Into<FileRef<'a>>, locks: &Locks) -> Result<Robot, De
 /// As [`read`]; also where the file has no body or link of the name of the root.
 pub fn read_selected<'a>(file: impl Into<FileRef<'a>>, selection: &Selection) -> Result<Robot, DescriptionError> {
     let file = file.into();
-    of_source(Source::read_lossy::<urdf::UrdfFault>(&file)?, selection)
+    of_source(&Source::read::<urdf::UrdfFault>(&file)?, selection)
 }
 
 /// The same of what was read already.
@@ -58,18 +58,17 @@ pub fn read_selected<'a>(file: impl Into<FileRef<'a>>, selection: &Selection) ->
 /// # Errors
 ///
 /// As [`read_selected`].
-pub fn of_source(source: Source, selection: &Selection) -> Result<Robot, DescriptionError> {
-    // A damaged table is reported as a table: it is no XML in any case.
-    if !source.is_xml() && (dh::is_table(source.text()) || source.text().parse::<toml::Table>().is_ok()) {
+pub fn of_source(source: &Source, selection: &Selection) -> Result<Robot, DescriptionError> {
+    if source.is_toml() {
         return match (selection.locks.keys().next(), &selection.root) {
             (Some(joint), _) => Err(dh::locked(source.path(), joint).into()),
             (None, Some(root)) => Err(dh::rooted(source.path(), root).into()),
-            (None, None) => Ok(dh::of_source(&source)?),
+            (None, None) => Ok(dh::of_source(source)?),
         };
     }
-    match Document::parse(&source) {
+    match Document::parse(source) {
         Ok(document) if document.root().tag() == "mujoco" => Ok(mjcf::of_source(source, selection)?),
-        _ => Ok(urdf::of_source(&source, selection)?),
+        _ => Ok(urdf::of_source(source, selection)?),
     }
 }
 
@@ -80,9 +79,9 @@ pub fn of_source(source: Source, selection: &Selection) -> Result<Robot, Descrip
 /// The file, or a file of a mesh, cannot be read; or a shape has no size above 0 or is of a kind that is not read.
 pub fn read_shapes<'a>(file: impl Into<FileRef<'a>>) -> Result<Vec<LinkShape>, DescriptionError> {
     let file = file.into();
-    let source = Source::read_lossy::<urdf::UrdfFault>(&file)?;
+    let source = Source::read::<urdf::UrdfFault>(&file)?;
     match Document::parse(&source) {
-        Ok(document) if document.root().tag() == "mujoco" => Ok(mjcf::shapes_of(source)?),
+        Ok(document) if document.root().tag() == "mujoco" => Ok(mjcf::shapes_of(&source)?),
         _ => Ok(urdf::shapes_of(&source)?),
     }
 }

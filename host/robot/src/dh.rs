@@ -133,11 +133,6 @@ pub(crate) fn rooted(path: &Path, root: &str) -> TableError {
     Source::of_text(path, "").error(None, Fault::Content(Box::new(TableFault::Rooted { root: root.into() })))
 }
 
-/// Whether the text of a TOML file is a table, and no arm file.
-pub fn is_table(text: &str) -> bool {
-    text.lines().any(|line| line.trim_start().starts_with("notation"))
-}
-
 /// Reads a table.
 ///
 /// # Errors

@@ -11,10 +11,22 @@ use serde::de::DeserializeOwned;
 use crate::files::{FileRef, Files};
 
 /// A file in memory, and the files that it can name.
+#[derive(Clone)]
 pub struct Source {
     files: Files,
     path: PathBuf,
     text: String,
+}
+
+/// What a file of a model describes: by what it says, whatever its name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ModelKind {
+    /// A robot alone: URDF, MJCF, or a Denavit–Hartenberg table.
+    Robot,
+    /// A model of an experiment: TOML with a text under `kind`.
+    Experiment,
+    /// An arm of words: any other TOML.
+    Arm,
 }
 
 /// A place in a file; both count from 1.
@@ -51,35 +63,24 @@ pub enum Fault<F> {
 }
 
 impl Source {
-    /// Reads the file.
+    /// Reads the file. Bytes that are not UTF-8 become replacement characters in XML, where they stand in names and comments of other
+    /// programs; in TOML, which is UTF-8 by its standard, they are an error.
     ///
     /// # Errors
     ///
-    /// [`Fault::Read`]: the file cannot be read, is larger than the text of a model may be, or is not UTF-8.
+    /// [`Fault::Read`]: the file cannot be read, is larger than the text of a model may be, or is TOML and not UTF-8.
     pub fn read<'a, F>(file: impl Into<FileRef<'a>>) -> Result<Self, FileError<F>> {
         let file = file.into();
-        let text = model_bytes(&file).and_then(|bytes| {
-            let not_utf8 = |_| io::Error::new(io::ErrorKind::InvalidData, "stream did not contain valid UTF-8");
-            String::from_utf8(bytes).map_err(not_utf8)
+        let text = model_bytes(&file).and_then(|bytes| match String::from_utf8(bytes) {
+            Ok(text) => Ok(text),
+            Err(error) => {
+                let text = String::from_utf8_lossy(error.as_bytes()).into_owned();
+                let not_utf8 = || io::Error::new(io::ErrorKind::InvalidData, "stream did not contain valid UTF-8");
+                if is_xml(&text) { Ok(text) } else { Err(not_utf8()) }
+            }
         });
         match text {
             Ok(text) => Ok(Self { path: file.path.into(), text, files: file.files }),
-            Err(error) => Err(FileError::unreadable(file.path, error)),
-        }
-    }
-
-    /// Reads the file; bytes that are not UTF-8 become replacement characters, which a name or comment survives.
-    ///
-    /// # Errors
-    ///
-    /// [`Fault::Read`]: the file cannot be read, or is larger than the text of a model may be.
-    pub fn read_lossy<'a, F>(file: impl Into<FileRef<'a>>) -> Result<Self, FileError<F>> {
-        let file = file.into();
-        match model_bytes(&file) {
-            Ok(bytes) => {
-                let text = String::from_utf8_lossy(&bytes).into_owned();
-                Ok(Self { path: file.path.into(), text, files: file.files })
-            }
             Err(error) => Err(FileError::unreadable(file.path, error)),
         }
     }
@@ -116,9 +117,22 @@ impl Source {
         &self.path
     }
 
-    /// Whether it is XML, and no TOML: by its first character.
-    pub fn is_xml(&self) -> bool {
-        self.text.trim_start_matches('\u{feff}').trim_start().starts_with('<')
+    /// What it describes.
+    pub fn kind(&self) -> ModelKind {
+        let keys = self.text.parse::<toml::Table>().unwrap_or_default();
+        if !self.is_toml() || keys.contains_key("notation") {
+            ModelKind::Robot
+        } else if keys.get("kind").is_some_and(toml::Value::is_str) {
+            ModelKind::Experiment
+        } else {
+            ModelKind::Arm
+        }
+    }
+
+    /// Whether it is TOML, and no XML. What is neither, or empty, is what its name says, so that the error is of that.
+    pub(crate) fn is_toml(&self) -> bool {
+        let has_keys = || self.text.parse::<toml::Table>().is_ok_and(|keys| !keys.is_empty());
+        !is_xml(&self.text) && (self.path.extension().is_some_and(|end| end == "toml") || has_keys())
     }
 
     /// The complete text.
@@ -147,6 +161,11 @@ impl Source {
         let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
         Place { line: before.matches('\n').count() + 1, column: before[line_start..].chars().count() + 1 }
     }
+}
+
+/// Whether a text is XML, and no TOML: by its first character.
+fn is_xml(text: &str) -> bool {
+    text.trim_start_matches('\u{feff}').trim_start().starts_with('<')
 }
 
 /// The bytes of the text of a model.

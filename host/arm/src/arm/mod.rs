@@ -163,7 +163,16 @@ impl Arm {
     /// The text is not TOML of this format, a key is missing or unknown, or a value describes no arm. The error names
     /// line and column.
     pub fn parse(path: &Path, text: &str) -> Result<Self, ArmError> {
-        Ok(build::arm(&Source::of_text(path, text))?.0)
+        Self::of_source(&Source::of_text(path, text))
+    }
+
+    /// The arm of what was read already.
+    ///
+    /// # Errors
+    ///
+    /// As [`parse`](Self::parse).
+    pub fn of_source(source: &Source) -> Result<Self, ArmError> {
+        Ok(build::arm(source)?.0)
     }
 
     /// Writes an arm file. It names the same profile, by the path from its own folder. An arm that could not be read again

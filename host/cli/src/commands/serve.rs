@@ -10,6 +10,7 @@ use std::time::Duration;
 use anyhow::Context as _;
 use darm_arm::wired_arm::WiredArm;
 use darm_device::link::LinkError;
+use darm_robot::source::{ModelKind, Source};
 use darm_serve::access::Token;
 use darm_serve::board_port::BoardPort;
 use darm_serve::history::History;
@@ -147,8 +148,7 @@ impl Serve {
 
     /// The arm with its board.
     fn read(&self, path: &Path) -> anyhow::Result<ServedArm> {
-        let is_robot =
-            path.extension().is_some_and(|end| ["urdf", "xml"].iter().any(|robot| end.eq_ignore_ascii_case(robot)));
+        let is_robot = Source::read::<String>(path).is_ok_and(|source| source.kind() == ModelKind::Robot);
         if is_robot {
             return Err(Usage(format!(
                 "{}: a robot file, with joints in place of actuators that a board switches; give an arm file. The page Diagnosis takes \

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use darm_robot::robot::Motion;
+use darm_robot::source::Source;
 
 use super::*;
 use crate::correction::Keep;
@@ -31,7 +32,7 @@ fn measured(name: &str) -> std::path::PathBuf {
 }
 
 pub(super) fn model(name: &str) -> Model {
-    Model::read(&measured(name)).unwrap().unwrap()
+    Model::read(&measured(name))
 }
 
 fn held_out(errors: &Errors) -> &ErrorFigure {
@@ -55,8 +56,8 @@ fn the_nominal_torques_of_a_real_arm_are_those_that_another_program_gives() {
 fn the_rotors_of_an_mjcf_are_in_its_torques() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/finger.xml");
     let lock = BTreeMap::from([("tip".to_string(), 0.3)]);
-    let Some(Model { what: Predictor::Any(robot), effects }) = Model::read_selected(&path, &(&lock).into()).unwrap()
-    else {
+    let source = Source::read::<String>(&path).unwrap();
+    let Model { what: Predictor::Any(robot), effects } = Model::of_source(&source, &(&lock).into()).unwrap() else {
         panic!("no robot")
     };
     let mut text = "time_s,q1_rad,q2_rad,v1,v2,a1,a2,tau1_nm,tau2_nm\n".to_string();
@@ -158,7 +159,7 @@ fn a_model_with_what_was_found_predicts_as_told_and_lacks_nothing() {
     let output = tempfile::NamedTempFile::with_suffix(".toml").unwrap();
     let file = ModelFile::read(&measured("cylinder.toml"), first.kind).unwrap();
     correction.corrected(&file, &first, Keep::Effects).unwrap().write(output.path()).unwrap();
-    let second = diagnose_table(&Model::read(output.path()).unwrap().unwrap(), &table, &how).unwrap().diagnosis;
+    let second = diagnose_table(&Model::read(output.path()), &table, &how).unwrap().diagnosis;
     let (reported, predicted) = (held_out(&first.error.after).norm.value, held_out(&second.error.before).norm.value);
     assert!((reported / predicted - 1.0).abs() < 1e-9, "{reported} {predicted}");
     assert_eq!((second.verdict, second.effects.len()), (Verdict::NoEffect, 0), "{:?}", second.plain);
@@ -196,7 +197,7 @@ fn what_no_law_explains_is_told_by_its_channel_and_may_be_kept() {
     let file = ModelFile::read(&measured("cylinder.toml"), first.kind).unwrap();
     assert_eq!(correction.corrected(&file, &first, Keep::Effects), None);
     correction.corrected(&file, &first, Keep::EffectsAndTerms).unwrap().write(output.path()).unwrap();
-    let second = diagnose_table(&Model::read(output.path()).unwrap().unwrap(), &table, &how).unwrap().diagnosis;
+    let second = diagnose_table(&Model::read(output.path()), &table, &how).unwrap().diagnosis;
     // Noise is even over 1 N: 0.29 N.
     assert!(held_out(&first.error.before).norm.value > 3.0 && held_out(&second.error.before).norm.value < 0.35);
 }

@@ -1,4 +1,4 @@
-//! The model of an experiment that is no arm of words: a small TOML, or the file of a robot alone, URDF or MJCF.
+//! The model of an experiment that is no arm of words: a small TOML, or the file of a robot alone, URDF, MJCF or Denavit–Hartenberg table.
 //!
 //! ```toml
 //! kind = "cylinder"        # force of one fluid actuator: p·A
@@ -37,9 +37,8 @@ use crate::linearise::model_effects::ModelEffect;
 use crate::linearise::point_contact::Points;
 use crate::linearise::torque::Transmission;
 use darm_robot::description::{self, DescriptionError};
-use darm_robot::files::FileRef;
 use darm_robot::robot::Robot;
-use darm_robot::source::{FileError, Source};
+use darm_robot::source::{FileError, ModelKind, Source};
 use darm_robot::urdf::Selection;
 use toml::Spanned;
 
@@ -161,53 +160,38 @@ enum InstrumentFrame {
 }
 
 impl Model {
-    /// Reads a model; `None` where the file is an arm of words.
-    ///
-    /// # Errors
-    ///
-    /// The file cannot be read; its robot file cannot be read; or it has a `kind`, but a key, frame or number of it is
-    /// wrong.
-    pub fn read<'a>(file: impl Into<FileRef<'a>>) -> Result<Option<Self>, ModelError> {
-        Self::read_selected(file, &Selection::default())
+    /// The model of a file in the repository.
+    #[cfg(test)]
+    pub(crate) fn read(path: &std::path::Path) -> Self {
+        Self::of_source(&Source::read(path).unwrap(), &Selection::default()).unwrap()
     }
 
-    /// The same with some joints of its robot locked, besides those that the file locks, and of a part of its robot's file.
+    /// The model of a file that is no arm of words, with some joints of its robot locked, besides those that the file locks, and of a part of
+    /// its robot's file.
     ///
     /// # Errors
     ///
-    /// As [`read`](Self::read); also where the robot of the file has no such joint or root.
-    pub fn read_selected<'a>(file: impl Into<FileRef<'a>>, selection: &Selection) -> Result<Option<Self>, ModelError> {
-        let file = file.into();
-        let source = Source::read_lossy::<String>(&file)?;
-        if is_robot(&source) {
-            return Ok(Some(Predictor::Any(description::of_source(source, selection)?).into()));
-        }
-        let source = Source::read(&file)?;
-        let table = source.text().parse::<toml::Table>().ok();
-        if !table.is_some_and(|table| table.get("kind").is_some_and(toml::Value::is_str)) {
-            return Ok(None);
+    /// Its robot's file cannot be read, or has no such joint or root; or a key, frame or number of it is wrong.
+    pub fn of_source(source: &Source, selection: &Selection) -> Result<Self, ModelError> {
+        if source.kind() == ModelKind::Robot {
+            return Ok(Predictor::Any(description::of_source(source, selection)?).into());
         }
         let RawKind { kind } = source.parse()?;
         let (what, effects) = match kind {
             Kind::Cylinder => {
                 let RawCylinder { bore_mm, effect, .. } = source.parse()?;
-                let bore_m = length_m(&bore_mm).map_err(|wrong| wrong.at(&source))?;
+                let bore_m = length_m(&bore_mm).map_err(|wrong| wrong.at(source))?;
                 (Predictor::Cylinder { bore_m }, effect)
             }
             Kind::Servo => (Predictor::Servo, source.parse::<RawServo, _>()?.effect),
             Kind::Robot => {
                 let mut raw: RawRobot = source.parse()?;
                 let effects = std::mem::take(&mut raw.effect);
-                (robot(&source, raw, selection)?, effects)
+                (robot(source, raw, selection)?, effects)
             }
         };
-        Ok(Some(Self { what, effects }))
+        Ok(Self { what, effects })
     }
-}
-
-/// Whether a file describes a robot alone: it is XML.
-pub(crate) fn is_robot(source: &Source) -> bool {
-    source.is_xml()
 }
 
 impl Predictor {

@@ -48,7 +48,7 @@ impl Files {
                     return Err(failed("more than 1000 files include each other; remove an <include>".into()));
                 }
                 let named = source.files().file(&path);
-                let next = Source::read_lossy::<MjcfFault>(named).map_err(|error| failed(error.fault.to_string()))?;
+                let next = Source::read::<MjcfFault>(named).map_err(|error| failed(error.fault.to_string()))?;
                 // A file may be included many times, and each time takes memory.
                 n_bytes += next.text().len() as u64;
                 if n_bytes > source.files().limits().model_bytes {

@@ -55,7 +55,7 @@ pub type MjcfError = FileError<MjcfFault>;
 ///
 /// The file cannot be read; or as [`parse`].
 pub fn read(path: &Path, locks: &Locks) -> Result<Robot, MjcfError> {
-    of_source(Source::read_lossy(path)?, &locks.into())
+    of_source(&Source::read(path)?, &locks.into())
 }
 
 /// The robot that `text` describes; `path` serves messages, and its folder what the text includes.
@@ -66,7 +66,7 @@ pub fn read(path: &Path, locks: &Locks) -> Result<Robot, MjcfError> {
 /// not computed, or a name or number that cannot be; or `locks` names a joint that it does not have. The error names
 /// file, line and column.
 pub fn parse(path: &Path, text: &str, locks: &Locks) -> Result<Robot, MjcfError> {
-    of_source(Source::of_text(path, text), &locks.into())
+    of_source(&Source::of_text(path, text), &locks.into())
 }
 
 /// The shapes that collide in the model that `text` describes; `path` as in [`parse`].
@@ -75,18 +75,18 @@ pub fn parse(path: &Path, text: &str, locks: &Locks) -> Result<Robot, MjcfError>
 ///
 /// The text is not MJCF, a file that it includes or a mesh cannot be read, or a shape has a size that cannot be.
 pub fn parse_shapes(path: &Path, text: &str) -> Result<Vec<LinkShape>, MjcfError> {
-    shapes_of(Source::of_text(path, text))
+    shapes_of(&Source::of_text(path, text))
 }
 
 /// The shapes that collide in what was read already.
-pub(crate) fn shapes_of(source: Source) -> Result<Vec<LinkShape>, MjcfError> {
-    let files = files::Files::read(source)?;
+pub(crate) fn shapes_of(source: &Source) -> Result<Vec<LinkShape>, MjcfError> {
+    let files = files::Files::read(source.clone())?;
     collision::shapes(&files).map_err(|wrong| files.error(wrong))
 }
 
 /// The robot of what was read already.
-pub(crate) fn of_source(source: Source, selection: &Selection) -> Result<Robot, MjcfError> {
-    let files = files::Files::read(source)?;
+pub(crate) fn of_source(source: &Source, selection: &Selection) -> Result<Robot, MjcfError> {
+    let files = files::Files::read(source.clone())?;
     build::robot(&files, selection).map_err(|wrong| files.error(wrong))
 }
 

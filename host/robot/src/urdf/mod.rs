@@ -44,7 +44,7 @@ pub type UrdfError = FileError<UrdfFault>;
 ///
 /// The file cannot be read; or as [`parse`].
 pub fn read(path: &Path, locks: &Locks) -> Result<Robot, UrdfError> {
-    of_source(&Source::read_lossy(path)?, &locks.into())
+    of_source(&Source::read(path)?, &locks.into())
 }
 
 /// The robot that `text` describes; `path` only serves messages.

@@ -13,6 +13,7 @@ use darm_diagnose::outcome::Diagnosis;
 use darm_diagnose::overview::{self, Overview};
 use darm_diagnose::rejection::Rejection;
 use darm_measure::Finding;
+use darm_robot::source::{ModelKind, Source};
 
 use super::super::subject::Part;
 use super::rows::RowOptions;
@@ -75,14 +76,18 @@ impl DiagnoseOptions {
     pub(in crate::commands) fn diagnose(&self, task: Task, ui: Ui) -> anyhow::Result<(Diagnosis, bool)> {
         let Task { model, data, new_model } = task;
         let part = Part { locks: &self.locks, root: self.root.as_deref() };
-        let subject = match part.read_model(model)? {
-            Some((model, chosen)) => Subject::Signals(Box::new(model), chosen),
-            None if !self.locks.is_empty() || self.root.is_some() => {
+        let source = Source::read::<String>(model)?;
+        let subject = match source.kind() {
+            ModelKind::Robot | ModelKind::Experiment => {
+                let (model, chosen) = part.model_of(&source)?;
+                Subject::Signals(Box::new(model), chosen)
+            }
+            ModelKind::Arm if !self.locks.is_empty() || self.root.is_some() => {
                 return Err(Usage("--lock and --root need a robot, not an arm file".into()).into());
             }
-            None => {
+            ModelKind::Arm => {
                 self.rows.refuse_those_of_signals()?;
-                Subject::Arm(Box::new(Arm::read(model)?))
+                Subject::Arm(Box::new(Arm::of_source(&source)?))
             }
         };
         let how = FileOptions {

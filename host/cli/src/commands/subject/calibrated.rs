@@ -1,7 +1,5 @@
 //! The robot of a model of `darm diagnose`, with what a calibration found.
 
-use std::path::Path;
-
 use anyhow::Context as _;
 use darm_diagnose::effect::Law;
 use darm_diagnose::linearise::calibrated::{calibrated, with_joint_offsets};
@@ -10,19 +8,19 @@ use darm_diagnose::linearise::model::Predictor;
 use darm_diagnose::linearise::model_effects::ModelEffect;
 use darm_diagnose::linearise::point_contact::Points;
 use darm_robot::robot::Robot;
+use darm_robot::source::Source;
 
 use super::Part;
 use crate::failure::Usage;
 
-/// The robot of a model; `None` of another file, such as an arm. Effects of a point-contact calibration are in its joints
-/// and its tool; of those of torques the joint offsets.
-pub(super) fn robot(path: &Path, part: Part) -> anyhow::Result<Option<Robot>> {
-    let Some((model, _)) = part.read_model(path)? else { return Ok(None) };
-    let shown = path.display();
+/// The robot of a model of an experiment. Effects of a point-contact calibration are in its joints and its tool; of those of torques
+/// the joint offsets.
+pub(super) fn robot(source: &Source, part: Part) -> anyhow::Result<Robot> {
+    let (model, _) = part.model_of(source)?;
+    let shown = source.path().display();
     match model.what {
         Predictor::PointContact(robot, Points { tool, .. }) | Predictor::Tool(robot, MeasuredTool { tool, .. }) => {
-            let calibrated = calibrated(&robot, tool.as_deref(), &model.effects);
-            calibrated.map(Some).with_context(|| shown.to_string())
+            calibrated(&robot, tool.as_deref(), &model.effects).with_context(|| shown.to_string())
         }
         Predictor::Torque(robot, _) | Predictor::Wrench(robot) | Predictor::Any(robot) => {
             let is_of_link = |effect: &ModelEffect| effect.law == Law::MassDistribution && !effect.is_carried();
@@ -31,7 +29,7 @@ pub(super) fn robot(path: &Path, part: Part) -> anyhow::Result<Option<Robot>> {
                     format!("{shown}: its effect mass-distribution changes masses: use `darm dynamics`, or the URDF");
                 return Err(Usage(text).into());
             }
-            with_joint_offsets(&robot, &model.effects).map(Some).with_context(|| shown.to_string())
+            with_joint_offsets(&robot, &model.effects).with_context(|| shown.to_string())
         }
         Predictor::Cylinder { .. } | Predictor::Servo => {
             Err(Usage(format!("{shown}: a model of one actuator, this command needs an arm or a robot")).into())

@@ -1,12 +1,11 @@
 //! Which of a file is the robot: joints that are fixed on the command line, and the root of its tree.
 
-use std::path::Path;
-
 use darm_core::actuator::JointKind;
 use darm_diagnose::linearise::model::Model;
 use darm_diagnose::model_file::{Chosen, LockedJoint};
 use darm_robot::description;
 use darm_robot::robot::Robot;
+use darm_robot::source::Source;
 use darm_robot::urdf::{Locks, Selection};
 
 use super::Coordinate;
@@ -20,19 +19,19 @@ pub(crate) struct Part<'a> {
 }
 
 impl<'a> Part<'a> {
-    /// The robot of a URDF or MJCF with these joints fixed.
-    pub(crate) fn read_robot(self, path: &Path) -> anyhow::Result<Robot> {
-        let free = description::read_selected(path, &self.selection(Locks::new()))?;
+    /// The robot of a file with these joints fixed.
+    pub(crate) fn robot_of(self, source: &Source) -> anyhow::Result<Robot> {
+        let free = description::of_source(source, &self.selection(Locks::new()))?;
         free.ignored.iter().for_each(|ignored| eprintln!("note: {ignored}"));
         if self.locks.is_empty() {
             return Ok(free);
         }
-        Ok(description::read_selected(path, &self.selection(self.fixed(&free)?))?)
+        Ok(description::of_source(source, &self.selection(self.fixed(&free)?))?)
     }
 
-    /// The model of a file with these joints fixed, and what was chosen; `None` where the file is an arm of words.
-    pub(crate) fn read_model(self, path: &Path) -> anyhow::Result<Option<(Model, Chosen)>> {
-        let Some(model) = Model::read_selected(path, &self.selection(Locks::new()))? else { return Ok(None) };
+    /// The model of a file that is no arm of words with these joints fixed, and what was chosen.
+    pub(crate) fn model_of(self, source: &Source) -> anyhow::Result<(Model, Chosen)> {
+        let model = Model::of_source(source, &self.selection(Locks::new()))?;
         let root = self.root.map(str::to_owned);
         if let Some(robot) = model.what.robot() {
             robot.ignored.iter().for_each(|ignored| eprintln!("note: {ignored}"));
@@ -40,12 +39,11 @@ impl<'a> Part<'a> {
             return Err(Usage("--root needs a model with a robot".into()).into());
         }
         if self.locks.is_empty() {
-            return Ok(Some((model, Chosen { locked: Vec::new(), root })));
+            return Ok((model, Chosen { locked: Vec::new(), root }));
         }
         let free = model.what.robot().ok_or_else(|| Usage("--lock needs a model with a robot".into()))?;
         let (locks, locked) = (self.fixed(free)?, self.joints(free)?);
-        let model = Model::read_selected(path, &self.selection(locks))?;
-        Ok(model.map(|model| (model, Chosen { locked, root })))
+        Ok((Model::of_source(source, &self.selection(locks))?, Chosen { locked, root }))
     }
 
     fn selection(self, locks: Locks) -> Selection {

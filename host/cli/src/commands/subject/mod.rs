@@ -17,7 +17,7 @@ use darm_diagnose::linearise::model_effects::ModelEffect;
 use darm_diagnose::linearise::torque::Transmission;
 use darm_robot::mjcf::SITE;
 use darm_robot::robot::{Jacobian, Kinematics, Robot, RobotFrame};
-use darm_robot::source::Source;
+use darm_robot::source::{ModelKind, Source};
 
 use crate::failure::Usage;
 use crate::number_text::{number, numbers};
@@ -115,9 +115,11 @@ pub(crate) struct Effects {
 impl SubjectArgs {
     /// The robot and the effects of a model of torques, as `darm diagnose` uses it; `None` for other files.
     pub(crate) fn model(&self) -> anyhow::Result<Option<(Robot, Effects)>> {
-        let is_toml = self.file.extension().is_some_and(|end| end == "toml");
-        let model = is_toml.then(|| self.part().read_model(&self.file)).transpose()?.flatten();
-        let Some((model, _)) = model else { return Ok(None) };
+        let source = Source::read::<String>(&self.file)?;
+        if source.kind() != ModelKind::Experiment {
+            return Ok(None);
+        }
+        let (model, _) = self.part().model_of(&source)?;
         let Predictor::Torque(robot, transmission) = model.what else {
             let shown = self.file.display();
             let what = format!("{shown}: the model does not observe torques; add observed = \"torque\"");
@@ -140,25 +142,18 @@ impl SubjectArgs {
 
     /// Reads the file.
     pub(crate) fn subject(&self) -> anyhow::Result<Subject> {
-        let path = &self.file;
-        let is_toml = path.extension().is_some_and(|end| end == "toml");
-        if !is_toml {
-            let robot = self.part().read_robot(path)?;
-            return Ok(Subject::Robot(Box::new(Robot { floating: robot.floating || self.floating, ..robot })));
-        }
-        if let Some(robot) = calibrated::robot(path, self.part())? {
-            return Ok(Subject::Robot(Box::new(Robot { floating: robot.floating || self.floating, ..robot })));
-        }
-        let source = Source::read::<String>(path)?;
-        if !darm_robot::dh::is_table(source.text()) {
-            if self.floating || !self.locks.is_empty() || self.root.is_some() {
-                return Err(Usage("--floating, --lock and --root need a URDF or MJCF".into()).into());
+        let source = Source::read::<String>(&self.file)?;
+        let robot = match source.kind() {
+            ModelKind::Robot => self.part().robot_of(&source)?,
+            ModelKind::Experiment => calibrated::robot(&source, self.part())?,
+            ModelKind::Arm => {
+                if self.floating || !self.locks.is_empty() || self.root.is_some() {
+                    return Err(Usage("--floating, --lock and --root need a URDF or MJCF".into()).into());
+                }
+                return Ok(Subject::Arm(Box::new(Arm::of_source(&source)?)));
             }
-            return Ok(Subject::Arm(Box::new(Arm::parse(path, source.text())?)));
-        }
-        let mut robot = darm_robot::dh::parse(path, source.text())?;
-        robot.floating |= self.floating;
-        Ok(Subject::Robot(Box::new(robot)))
+        };
+        Ok(Subject::Robot(Box::new(Robot { floating: robot.floating || self.floating, ..robot })))
     }
 }
 
@@ -242,7 +237,7 @@ pub(crate) fn servo_joints(arm: &Arm) -> Vec<Coordinate> {
 
 /// The robot of a file on a floating base, each of whose joints moves independently.
 pub(crate) fn floating(path: &std::path::Path, root: Option<&str>) -> anyhow::Result<Robot> {
-    let robot = Part { locks: &[], root }.read_robot(path)?;
+    let robot = Part { locks: &[], root }.robot_of(&Source::read::<String>(path)?)?;
     if let Some(joint) = robot.joints.iter().find(|joint| joint.mimic.is_some()) {
         let what = format!("{}: joint `{}` mimics another; remove its <mimic>", path.display(), joint.name);
         return Err(Usage(what).into());
