@@ -130,38 +130,12 @@ fn permission_fix() -> String {
     }
 }
 
-/// What is wrong with a port, and the fix.
+/// What is wrong with a port, and the fix: the two halves of the error, but for what the udev rule of this machine says.
 fn link_failure(error: &LinkError) -> (String, String) {
-    match error {
-        LinkError::Missing { port } => {
-            (format!("no port {port}"), "plug the board in, or name another port with --port".into())
-        }
-        LinkError::Permission { port } => (format!("no permission to open {port}"), permission_fix()),
-        LinkError::Busy { port } => {
-            (format!("{port} is in use"), format!("close the other program (`fuser {port}` names it)"))
-        }
-        LinkError::Suspended { port, process } => (
-            format!("{port} is held by process {process}, which is suspended"),
-            format!("continue it: `kill -CONT {process}`"),
-        ),
-        LinkError::InUse { port, holder } => (format!("{port} is in use by {holder}"), "end that program".into()),
-        LinkError::Refused { port } => (
-            format!("no program listens on {port}"),
-            "start the simulator (`darm sim ARM.toml`) or the serial server".into(),
-        ),
-        LinkError::Name { port } => {
-            (format!("{port:?} is no port"), "write /dev/ttyACM0, unix:PATH or tcp:HOST:PORT".into())
-        }
-        LinkError::Unnamed(why) => (why.clone(), "name a port with --port".into()),
-        LinkError::NoSerialPort { port } => {
-            (format!("{port} is not a serial port"), "name one: /dev/ttyACM0, unix:PATH or tcp:HOST:PORT".into())
-        }
-        LinkError::Closed { port } => (format!("{port} was closed by the other end"), "check the cable".into()),
-        LinkError::Stalled { port, timeout_s } => {
-            (format!("{port} accepted no bytes for {timeout_s} s"), "reset the board, which may be halted".into())
-        }
-        LinkError::Io { port, source } => (format!("{port}: {source}"), "check the cable and the port's driver".into()),
-    }
+    let text = error.to_string();
+    let (what, fix) = text.split_once("; ").unwrap_or((&text, "check the cable and the port's driver"));
+    let fix = if matches!(error, LinkError::Permission { .. }) { permission_fix() } else { fix.to_owned() };
+    (what.to_owned(), fix)
 }
 
 impl Doctor {

@@ -94,11 +94,11 @@ impl Urgent {
     }
 }
 
-/// Why bytes did not travel. Every text names the port and what to do.
+/// Why bytes did not travel. Every text names the port and, behind `; `, what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
     /// The port does not exist.
-    #[error("no port {port}; is the board plugged in? `darm doctor` lists the ports")]
+    #[error("no port {port}; plug the board in, or name another port: `darm doctor` lists them")]
     Missing {
         /// The port as named by the user.
         port: String,
@@ -137,7 +137,7 @@ pub enum LinkError {
         process: u32,
     },
     /// Nobody listens on the socket.
-    #[error("nobody listens on {port}; start the emulator or the serial server first")]
+    #[error("no program listens on {port}; start the simulator (`darm sim ARM.toml`) or the serial server first")]
     Refused {
         /// The port as named by the user.
         port: String,
