@@ -5,6 +5,7 @@ mod chip;
 pub(crate) mod draws;
 mod far_frames;
 mod foreign;
+mod generated;
 mod map;
 mod measured;
 mod peers;
@@ -52,6 +53,10 @@ struct Selection {
     /// Kinematics and dynamics beside Pinocchio and the crate `k`: what they take is built once, in minutes
     #[arg(long)]
     peers: bool,
+    /// Generated Rust beside the C that CasADi makes for the same robots, in a virtual environment of Python that is made
+    /// where it is missing
+    #[arg(long)]
+    generated: bool,
     /// In how many of 200 draws a synthesis is exact, as the desired frames move away
     #[arg(long)]
     synthesis_sweep: bool,
@@ -108,6 +113,9 @@ impl Bench {
         if self.selection.peers {
             figures.extend(peers::measure()?);
         }
+        if self.selection.generated {
+            figures.extend(generated::measure()?);
+        }
         if self.selection.synthesis_sweep {
             figures.extend(figures_of(&SynthesisSweep {})?);
         }
@@ -136,6 +144,7 @@ impl Bench {
             image,
             upload,
             peers,
+            generated,
             synthesis_sweep,
             far_frames,
             reach,
@@ -145,7 +154,7 @@ impl Bench {
             stamps,
             ref foreign,
         } = self.selection;
-        let others = chip || image || upload || peers || better_words || map || measured || stamps || foreign.is_some();
+        let others = chip || image || upload || peers || generated || better_words || map || measured || stamps || foreign.is_some();
         match (synthesis_sweep, far_frames, reach) {
             (true, false, false) if !others => items::run(&SynthesisSweep {}, &self.spread),
             (false, true, false) if !others => items::run(&FarFrames {}, &self.spread),
