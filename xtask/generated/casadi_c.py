@@ -1,7 +1,8 @@
 """Writes C for one robot with CasADi: kinematics with Jacobian, inverse dynamics, mass matrix.
 
-Arguments: a golden file of the robot (tests/data/golden), the folder for the C. The textbook's equations are written here in
-CasADi's symbols, with the numbers of the robot as constants, and CasADi removes common subexpressions: nothing of darm is used. Rotations, places and inertias are sparse, so that products with zeros are gone.
+Arguments: a golden file of the robot (tests/data/golden), the folder for the C. The textbook's equations are written here
+in CasADi's symbols, with the numbers of the robot as constants, and CasADi removes common subexpressions: nothing of darm is
+used. Rotations, places and inertias are sparse, so that products with zeros are gone.
 """
 
 import gzip
