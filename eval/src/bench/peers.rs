@@ -1,4 +1,4 @@
-//! Speed beside Pinocchio and the crate `k`, on the same models, postures and targets in one run.
+//! Speed beside Pinocchio and the crates `k` and `dynibo`, on the same models, postures and targets in one run.
 //!
 //! Pinocchio comes as the PyPI wheel `pin`, headers and all, into a virtual environment under `target/peers`; the program
 //! `xtask/peers/pinocchio.cpp` is compiled against it header-only for this machine, and so is our side. Both are cached.
@@ -116,18 +116,26 @@ fn ours(root: &Path, folder: &Path) -> Result<PathBuf> {
 
 /// Prints the table, and gives the ratios beside their goals.
 fn figures(text: &str) -> Result<Vec<Figure>> {
-    println!("{:40} {:>10} {:>10} {:>10}", "", "ours, ns", "Pinocchio", "k");
+    println!("{:40} {:>10} {:>10} {:>10} {:>10}", "", "ours, ns", "Pinocchio", "k", "dynibo");
     let mut figures = Vec::new();
     for line in text.lines() {
         let words: Vec<&str> = line.split_whitespace().collect();
-        let [arm, work, ours, theirs, k] = words[..] else { bail!("{line:?} is no line of five words") };
-        println!("{:40} {ours:>10} {theirs:>10} {k:>10}", format!("{arm} {work}"));
+        let [arm, work, ours, theirs, k, dynibo] = words[..] else { bail!("{line:?} is no line of six words") };
+        println!("{:40} {ours:>10} {theirs:>10} {k:>10} {dynibo:>10}", format!("{arm} {work}"));
         let (ours, theirs): (f64, f64) = (ours.parse()?, theirs.parse()?);
         if work == REACHED {
             figures.push(Figure::new(&format!("{arm}: {work}"), ours, "of 1000")?);
         } else if PROMISED.contains(&work) {
-            let ratio = (ours / theirs * 1000.0).round() / 1000.0;
-            figures.push(Figure::new(&format!("{arm}: {work} over Pinocchio's"), ratio, "of the time")?);
+            let mut push = |peer: &str, theirs: f64| -> Result<()> {
+                let ratio = (ours / theirs * 1000.0).round() / 1000.0;
+                figures.push(Figure::new(&format!("{arm}: {work} over {peer}"), ratio, "of the time")?);
+                Ok(())
+            };
+            push("Pinocchio's", theirs)?;
+            // It has no regressor, no Jacobian of the centre of mass, and another kind of inverse kinematics.
+            if let Ok(dynibo) = dynibo.parse() {
+                push("dynibo's", dynibo)?;
+            }
         }
     }
     if figures.is_empty() {
@@ -142,8 +150,10 @@ mod tests {
 
     #[test]
     fn lines_become_ratios_with_goals() {
-        let reported = figures("panda_urdf pose 100 400 -\npanda_urdf targets-reached 1000 999 800\n").unwrap();
-        assert_eq!(reported.iter().map(|figure| figure.value).collect::<Vec<_>>(), [0.25, 1000.0]);
+        let lines = "panda_urdf pose 100 400 - 500\npanda_urdf regressor 100 200 - -\npanda_urdf targets-reached 1000 999 800 -\n";
+        let reported = figures(lines).unwrap();
+        assert_eq!(reported.iter().map(|figure| figure.value).collect::<Vec<_>>(), [0.25, 0.2, 0.5, 1000.0]);
+        assert!(reported[1].name.ends_with("dynibo's"));
         assert!(figures("").is_err() && figures("words\n").is_err());
     }
 }
