@@ -176,6 +176,19 @@ pub fn sizes(elf: &Path) -> Result<[(&'static str, f64); 2]> {
     Ok([("flash of the image", flash), ("RAM of the image without its stack", ram)])
 }
 
+/// Bytes of code of functions of an image, each with all that it calls directly and so on.
+///
+/// # Errors
+/// When the image cannot be read, has no such function or several, or one of those calls by address.
+pub fn code_bytes<const N: usize>(elf: &Path, names: [&str; N]) -> Result<[u32; N]> {
+    let image = code::Image::read(elf)?;
+    let mut sizes = [0; N];
+    for (size, name) in sizes.iter_mut().zip(names) {
+        *size = image.code_bytes(name)?;
+    }
+    Ok(sizes)
+}
+
 /// Builds the image of a board, checks the bound of its stack and its panics, and prints the bound.
 ///
 /// # Errors

@@ -24,11 +24,40 @@ pub(super) fn measure() -> Result<Vec<Figure>> {
     let (poses, exact): (Vec<&str>, Vec<&str>) =
         exact.lines().filter(|line| !line.starts_with(LATENESS)).partition(|line| line.starts_with(POSE));
     let mut figures = exact.into_iter().map(figure).collect::<Result<Vec<_>>>()?;
+    figures.extend(generated(&figures, image::code_bytes(&bench, CODE)?)?);
     figures.extend(corrected(&poses)?);
     let free = run(&bench, &[])?;
     figures.extend(free.lines().filter(|line| line.starts_with(LATENESS)).map(figure).collect::<Result<Vec<_>>>()?);
     for (name, bytes) in image::sizes(&image::build()?)? {
         figures.push(Figure::new(name, bytes, "bytes")?);
+    }
+    Ok(figures)
+}
+
+/// The works that there is generated code for.
+const GENERATED: [&str; 2] = ["inverse dynamics", "mass matrix"];
+
+/// Functions of the bench image that do them: for any arm, and for the Puma 560 alone.
+const CODE: [&str; 4] = ["torques", "mass", "generated_torques", "generated_mass"];
+
+/// Generated code beside the general one: instructions of both as a ratio, and the bytes of code.
+fn generated(counted: &[Figure], bytes: [u32; 4]) -> Result<Vec<Figure>> {
+    let count = |name: String| {
+        let found = counted.iter().find(|figure| figure.name == name);
+        found.map(|figure| figure.value).with_context(|| format!("{name:?} was not counted"))
+    };
+    let [general, of_one] = [[bytes[0], bytes[1]], [bytes[2], bytes[3]]];
+    let mut figures = Vec::new();
+    for ((work, general), of_one) in GENERATED.into_iter().zip(general).zip(of_one) {
+        let ratio = count(format!("Puma 560: generated {work}"))? / count(format!("Puma 560: {work}"))?;
+        let ratio = (ratio * 1000.0).round() / 1000.0;
+        figures.push(Figure::new(
+            &format!("Puma 560: generated {work} over the general one"),
+            ratio,
+            "of the instructions",
+        )?);
+        figures.push(Figure::new(&format!("code for any arm: {work}"), general.into(), "bytes")?);
+        figures.push(Figure::new(&format!("code for the Puma 560: generated {work}"), of_one.into(), "bytes")?);
     }
     Ok(figures)
 }
@@ -92,4 +121,22 @@ fn figure(line: &str) -> Result<Figure> {
         value.with_context(|| format!("{line:?} has no value"))?,
         unit,
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn generated_code_is_compared_with_the_general_one_of_the_same_work() {
+        let lines = ["Puma_560.inverse_dynamics 2000", "Puma_560.mass_matrix 3000"];
+        let generated_lines = ["Puma_560.generated_inverse_dynamics 1000", "Puma_560.generated_mass_matrix 600"];
+        let counted = |lines: &[&str]| -> Vec<Figure> {
+            lines.iter().map(|line| figure(&format!("{line} instructions")).unwrap()).collect()
+        };
+        let all = counted(&[lines, generated_lines].concat());
+        let values: Vec<f64> = generated(&all, [1, 2, 3, 4]).unwrap().iter().map(|figure| figure.value).collect();
+        assert_eq!(values, [0.5, 1.0, 3.0, 0.2, 2.0, 4.0]);
+        assert!(generated(&counted(&lines), [0; 4]).is_err(), "a work that was not counted");
+    }
 }

@@ -54,20 +54,31 @@ fn platform() -> (Arm, Module) {
     (arm, module)
 }
 
+/// Inverse dynamics and mass matrix of the Puma 560, which the bench image of the firmware counts beside those of the core.
+fn puma() -> Module {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/puma560.toml");
+    let robot = read(path.as_path(), &Locks::new()).unwrap();
+    let mut module = robot::module(&robot, robot.tool().unwrap()).unwrap();
+    module.functions.retain(|function| ["inverse_dynamics", "mass_matrix"].contains(&function.name));
+    module
+}
+
 #[test]
 fn the_files_are_renewed() {
     let ((_, module), (_, platform)) = (finger(), platform());
+    let bench = "../../../../firmware/boards/b-l475e-iot01a/src/bin/bench";
     let files = [
-        ("platform3_f32.rs", rust::file(&platform, Width::Single)),
-        ("platform3_f64.rs", rust::file(&platform, Width::Double)),
-        ("platform3_f32.h", c::file(&platform, Width::Single)),
-        ("finger_f32.rs", rust::file(&module, Width::Single)),
-        ("finger_f64.rs", rust::file(&module, Width::Double)),
-        ("finger_f32.h", c::file(&module, Width::Single)),
-        ("finger_f64.h", c::file(&module, Width::Double)),
+        ("platform3_f32.rs".into(), rust::file(&platform, Width::Single)),
+        ("platform3_f64.rs".into(), rust::file(&platform, Width::Double)),
+        ("platform3_f32.h".into(), c::file(&platform, Width::Single)),
+        ("finger_f32.rs".into(), rust::file(&module, Width::Single)),
+        ("finger_f64.rs".into(), rust::file(&module, Width::Double)),
+        ("finger_f32.h".into(), c::file(&module, Width::Single)),
+        ("finger_f64.h".into(), c::file(&module, Width::Double)),
+        (format!("{bench}/puma560_generated.rs"), rust::file(&puma(), Width::Single)),
     ];
     for (name, text) in files {
-        let path = folder().join(name);
+        let path = folder().join(&name);
         if std::env::var_os("DARM_RENEW").is_some() {
             fs::write(&path, &text).unwrap();
         }

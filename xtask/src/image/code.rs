@@ -22,10 +22,12 @@ pub(crate) struct Image {
 }
 
 /// One function.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Function {
     /// Demangled, without the hash of its crate.
     pub(crate) name: String,
+    /// Bytes of its code and of the constants between.
+    pub(crate) size: u32,
     /// Bytes by which it lowers the stack pointer in total.
     pub(crate) frame: u32,
     /// Functions that it calls directly.
@@ -99,6 +101,26 @@ impl Image {
         Ok(start - end)
     }
 
+    /// Bytes of the function whose name ends with `::name`, together with what it calls directly and so on.
+    ///
+    /// # Errors
+    /// When none or several end so, or when it calls by address: what those need is not known.
+    pub(crate) fn code_bytes(&self, name: &str) -> Result<u32> {
+        let ends = |function: &Function| function.name.strip_suffix(name).is_some_and(|path| path.ends_with("::"));
+        let named: Vec<u32> =
+            self.functions.iter().filter(|(_, function)| ends(function)).map(|(&address, _)| address).collect();
+        let &[root] = named.as_slice() else { bail!("{} functions are called {name}, not one", named.len()) };
+        let (mut found, mut open, mut bytes) = (BTreeSet::from([root]), vec![root], 0);
+        while let Some(function) = open.pop().and_then(|at| self.functions.get(&at)) {
+            if function.calls_indirectly {
+                bail!("{name} reaches {}, which calls by address", function.name);
+            }
+            bytes += function.size;
+            open.extend(function.calls.iter().map(|call| call.to).filter(|to| found.insert(*to)));
+        }
+        Ok(bytes)
+    }
+
     /// Every direct call must lead to the beginning of a function.
     fn check_targets(&self) -> Result<()> {
         for function in self.functions.values() {
@@ -117,7 +139,7 @@ impl Image {
     }
 
     fn function(&self, inside: Range<u32>, name: String, operations: Vec<(u32, Op)>) -> Function {
-        let mut function = Function { name, ..Function::default() };
+        let mut function = Function { name, size: inside.end - inside.start, ..Function::default() };
         let is_thunk = function.name.starts_with(THUNK);
         let (mut low, mut literals) = (BTreeMap::new(), BTreeMap::new());
         let mut below_frame = None;
@@ -267,6 +289,29 @@ fn stretches(file: &object::File<'_>) -> BTreeMap<u32, Stretch> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_code_of_a_function_is_its_own_and_that_of_all_it_calls_once() {
+        let call = |to| Call { at: 0, to, is_tail: false };
+        let function = |name: &str, size, calls: &[u32]| Function {
+            name: name.into(),
+            size,
+            calls: calls.iter().map(|to| call(*to)).collect(),
+            ..Function::default()
+        };
+        let mut functions = BTreeMap::from([
+            (0, function("bench::mass", 100, &[4, 6])),
+            (2, function("bench::generated_mass", 1, &[])),
+            (4, function("sine", 20, &[6])),
+            (6, function("copy", 3, &[4])),
+        ]);
+        assert_eq!(Image::of(functions.clone()).code_bytes("mass").unwrap(), 123);
+        assert!(Image::of(functions.clone()).code_bytes("torques").is_err(), "there is none");
+        functions.get_mut(&6).unwrap().calls_indirectly = true;
+        assert!(Image::of(functions.clone()).code_bytes("mass").is_err(), "whom it calls is not known");
+        functions.insert(8, function("probe::mass", 1, &[]));
+        assert!(Image::of(functions).code_bytes("mass").is_err(), "there are two");
+    }
 
     #[test]
     fn two_halves_of_instructions_are_not_an_address() {

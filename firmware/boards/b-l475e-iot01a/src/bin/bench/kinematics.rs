@@ -1,4 +1,5 @@
-//! Instructions of kinematics and dynamics for arms of six joints in `f32`, and whether the values are the host's.
+//! Instructions of kinematics and dynamics for arms of six joints in `f32`, of the core's code for any arm and of code that
+//! `darm generate` wrote for one, and whether the values are the host's.
 //!
 //! Before the tasks start nothing interrupts, and SysTick counts freely.
 use core::hint::black_box;
@@ -13,7 +14,7 @@ use darm_core::tree::puma560::{NEAR_M, NEAR_NM, SAMPLE};
 use darm_core::tree::{Frames, Inertia, Joint, LinkFrame, Tree};
 use darm_firmware::stack::StackMemory;
 
-use crate::{check, print, puma560};
+use crate::{check, print, puma560, puma560_generated};
 
 const RUNS: u32 = 200;
 /// In flash.
@@ -66,6 +67,20 @@ fn mass(tree: &Tree<f32, 6>, q: &[f32; 6]) -> Mat6<f32> {
     mass_matrix(tree, q)
 }
 
+#[inline(never)]
+fn generated_torques([q, qd, qdd]: &[[f32; 6]; 3]) -> [f32; 6] {
+    let mut torque = [0.0; 6];
+    puma560_generated::inverse_dynamics(q, qd, qdd, &mut torque);
+    torque
+}
+
+#[inline(never)]
+fn generated_mass(q: &[f32; 6]) -> [[f32; 6]; 6] {
+    let mut rows = [[0.0; 6]; 6];
+    puma560_generated::mass_matrix(q, &mut rows);
+    rows
+}
+
 /// The instructions of one arm, as `name`s beside them.
 #[inline(never)]
 fn counts(tree: &Tree<f32, 6>, tool: &LinkFrame<f32>, motion: &[[f32; 6]; 3]) -> [(&'static str, u32); 6] {
@@ -116,6 +131,22 @@ fn check_values(tree: &Tree<f32, 6>, tool: &LinkFrame<f32>, motion: &[[f32; 6]; 
     check("the inverse leads back", found.status == ik::Status::Reached);
 }
 
+/// The instructions of the generated code, which gives what the core gives but for rounding.
+#[inline(never)]
+fn generated_counts(tree: &Tree<f32, 6>, motion: &[[f32; 6]; 3]) -> [(&'static str, u32); 2] {
+    let [q, ..] = motion;
+    let near = |(ours, theirs): (&f32, &f32)| (*ours - *theirs).abs() < NEAR_NM as f32;
+    let torque = generated_torques(motion);
+    check("the generated torques are the core's", torque.iter().zip(&torques(tree, motion)).all(near));
+    // Symmetric: rows are columns.
+    let masses = generated_mass(q);
+    check("the generated masses are the core's", masses.as_flattened().iter().zip(mass(tree, q).iter()).all(near));
+    [
+        ("generated_inverse_dynamics", count(|| generated_torques(black_box(motion)))),
+        ("generated_mass_matrix", count(|| generated_mass(black_box(q)))),
+    ]
+}
+
 /// Counts, checks and prints; the stack is what all of this needs.
 #[inline(never)]
 pub(crate) fn measure(stack: &StackMemory) {
@@ -131,9 +162,12 @@ pub(crate) fn measure(stack: &StackMemory) {
     let of_puma = counts(&PUMA, &TOOL, &motion);
     let of_plain = counts(&plain, &plain.frame(5, &Pose::identity()), &motion);
     let used = stack.usage().used;
+    let generated = generated_counts(&PUMA, &motion);
     timer.disable_counter();
     for (arm, counts) in [("z_y_arm", of_plain), ("Puma_560", of_puma)] {
         counts.iter().for_each(|(name, count)| print(arm, name, count, "instructions"));
     }
+    generated.iter().for_each(|(name, count)| print("Puma_560", name, count, "instructions"));
+    print("Puma_560", "numbers_of_the_arm_for_the_general_code", size_of_val(&PUMA), "bytes");
     print("kinematics", "stack", used, "bytes");
 }

@@ -11,6 +11,8 @@ mod corrected;
 mod kinematics;
 mod laws;
 mod puma560;
+#[rustfmt::skip]
+mod puma560_generated;
 
 use core::fmt::Display;
 use core::mem::MaybeUninit;
