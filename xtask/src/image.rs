@@ -233,6 +233,15 @@ pub fn build_bench() -> Result<PathBuf> {
     build_binary(Board::BL475eIot01a, "bench", "bench")
 }
 
+/// Builds the image that counts the instructions of generated code and returns its path.
+///
+/// # Errors
+///
+/// The compiler does not start or fails.
+pub fn build_generated() -> Result<PathBuf> {
+    build_binary(Board::BL475eIot01a, "generated", "chip")
+}
+
 /// Builds the image that does kinematics alone and fails when anything in it can panic: no code of that may be linked.
 ///
 /// # Errors

@@ -20,11 +20,13 @@ pub(super) fn measure() -> Result<Vec<Figure>> {
     }
     let bench = image::build_bench()?;
     // What is exact, and what happens when the emulator runs as fast as the machine lets it.
-    let exact = run(&bench, &["-icount", "shift=6,sleep=off"])?;
+    let exact = run(&bench, EXACT)?;
     let (poses, exact): (Vec<&str>, Vec<&str>) =
         exact.lines().filter(|line| !line.starts_with(LATENESS)).partition(|line| line.starts_with(POSE));
     let mut figures = exact.into_iter().map(figure).collect::<Result<Vec<_>>>()?;
-    figures.extend(generated(&figures, image::code_bytes(&bench, CODE)?)?);
+    let image = image::build_generated()?;
+    figures.extend(run(&image, EXACT)?.lines().map(figure).collect::<Result<Vec<_>>>()?);
+    figures.extend(generated(&figures, image::code_bytes(&bench, GENERAL)?, image::code_bytes(&image, OF_ONE)?)?);
     figures.extend(corrected(&poses)?);
     let free = run(&bench, &[])?;
     figures.extend(free.lines().filter(|line| line.starts_with(LATENESS)).map(figure).collect::<Result<Vec<_>>>()?);
@@ -34,19 +36,22 @@ pub(super) fn measure() -> Result<Vec<Figure>> {
     Ok(figures)
 }
 
+/// The clock of the emulator with which counts are exact: 64 ns of virtual time an instruction.
+const EXACT: &[&str] = &["-icount", "shift=6,sleep=off"];
+
 /// The works that there is generated code for.
 const GENERATED: [&str; 2] = ["inverse dynamics", "mass matrix"];
 
-/// Functions of the bench image that do them: for any arm, and for the Puma 560 alone.
-const CODE: [&str; 4] = ["torques", "mass", "generated_torques", "generated_mass"];
+/// Functions that do them: in the bench image for any arm, in one of its own for the Puma 560 alone.
+const GENERAL: [&str; 2] = ["torques", "mass"];
+const OF_ONE: [&str; 2] = ["generated_torques", "generated_mass"];
 
 /// Generated code beside the general one: instructions of both as a ratio, and the bytes of code.
-fn generated(counted: &[Figure], bytes: [u32; 4]) -> Result<Vec<Figure>> {
+fn generated(counted: &[Figure], general: [u32; 2], of_one: [u32; 2]) -> Result<Vec<Figure>> {
     let count = |name: String| {
         let found = counted.iter().find(|figure| figure.name == name);
         found.map(|figure| figure.value).with_context(|| format!("{name:?} was not counted"))
     };
-    let [general, of_one] = [[bytes[0], bytes[1]], [bytes[2], bytes[3]]];
     let mut figures = Vec::new();
     for ((work, general), of_one) in GENERATED.into_iter().zip(general).zip(of_one) {
         let ratio = count(format!("Puma 560: generated {work}"))? / count(format!("Puma 560: {work}"))?;
@@ -93,7 +98,7 @@ fn corrected(lines: &[&str]) -> Result<Vec<Figure>> {
     ])
 }
 
-/// Runs the bench image, with 64 ns of virtual time an instruction or freely; it prints `name value unit`, a line each.
+/// Runs an image, with exact counts or freely; it prints `name value unit`, a line each.
 fn run(elf: &Path, clock: &[&str]) -> Result<String> {
     let folder = tempfile::tempdir()?;
     let output = Command::new(qemu::PROGRAM)
@@ -135,8 +140,8 @@ mod tests {
             lines.iter().map(|line| figure(&format!("{line} instructions")).unwrap()).collect()
         };
         let all = counted(&[lines, generated_lines].concat());
-        let values: Vec<f64> = generated(&all, [1, 2, 3, 4]).unwrap().iter().map(|figure| figure.value).collect();
+        let values: Vec<f64> = generated(&all, [1, 2], [3, 4]).unwrap().iter().map(|figure| figure.value).collect();
         assert_eq!(values, [0.5, 1.0, 3.0, 0.2, 2.0, 4.0]);
-        assert!(generated(&counted(&lines), [0; 4]).is_err(), "a work that was not counted");
+        assert!(generated(&counted(&lines), [0; 2], [0; 2]).is_err(), "a work that was not counted");
     }
 }

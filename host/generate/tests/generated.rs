@@ -54,7 +54,7 @@ fn platform() -> (Arm, Module) {
     (arm, module)
 }
 
-/// Inverse dynamics and mass matrix of the Puma 560, which the bench image of the firmware counts beside those of the core.
+/// Inverse dynamics and mass matrix of the Puma 560, which an image of the firmware counts beside those of the core.
 fn puma() -> Module {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/puma560.toml");
     let robot = read(path.as_path(), &Locks::new()).unwrap();
@@ -66,7 +66,7 @@ fn puma() -> Module {
 #[test]
 fn the_files_are_renewed() {
     let ((_, module), (_, platform)) = (finger(), platform());
-    let bench = "../../../../firmware/boards/b-l475e-iot01a/src/bin/bench";
+    let image = "../../../../firmware/boards/b-l475e-iot01a/src/bin/generated";
     let files = [
         ("platform3_f32.rs".into(), rust::file(&platform, Width::Single)),
         ("platform3_f64.rs".into(), rust::file(&platform, Width::Double)),
@@ -75,7 +75,7 @@ fn the_files_are_renewed() {
         ("finger_f64.rs".into(), rust::file(&module, Width::Double)),
         ("finger_f32.h".into(), c::file(&module, Width::Single)),
         ("finger_f64.h".into(), c::file(&module, Width::Double)),
-        (format!("{bench}/puma560_generated.rs"), rust::file(&puma(), Width::Single)),
+        (format!("{image}/puma560.rs"), rust::file(&puma(), Width::Single)),
     ];
     for (name, text) in files {
         let path = folder().join(&name);

@@ -1,11 +1,8 @@
-//! Instructions of kinematics and dynamics for arms of six joints in `f32`, of the core's code for any arm and of code that
-//! `darm generate` wrote for one, and whether the values are the host's.
+//! Instructions of kinematics and dynamics for arms of six joints in `f32`, and whether the values are the host's.
 //!
 //! Before the tasks start nothing interrupts, and SysTick counts freely.
 use core::hint::black_box;
 
-use cortex_m::peripheral::SYST;
-use cortex_m::peripheral::syst::SystClkSource;
 use darm_core::dynamics::{inverse_dynamics, mass_matrix};
 use darm_core::ik;
 use darm_core::real::{Mat6, Vec3};
@@ -14,26 +11,11 @@ use darm_core::tree::puma560::{NEAR_M, NEAR_NM, SAMPLE};
 use darm_core::tree::{Frames, Inertia, Joint, LinkFrame, Tree};
 use darm_firmware::stack::StackMemory;
 
-use crate::{check, print, puma560, puma560_generated};
+use crate::{check, count, print, puma560};
 
-const RUNS: u32 = 200;
 /// In flash.
 static PUMA: Tree<f32, 6> = puma560::TREE;
 static TOOL: LinkFrame<f32> = puma560::TOOL;
-
-/// Instructions of one call: an instruction lasts 5.12 cycles, and so does one of the empty loop.
-#[inline(always)]
-fn count<R>(mut work: impl FnMut() -> R) -> u32 {
-    let start = SYST::get_current();
-    (0..RUNS).for_each(|_| black_box(()));
-    let middle = SYST::get_current();
-    (0..RUNS).for_each(|_| {
-        black_box(&work());
-    });
-    let end = SYST::get_current();
-    let cycles = |from: u32, to: u32| from.wrapping_sub(to) & 0xff_ffff;
-    (cycles(middle, end) - cycles(start, middle)) * 25 / 128 / RUNS
-}
 
 #[inline(never)]
 fn forward(tree: &Tree<f32, 6>, tool: &LinkFrame<f32>, q: &[f32; 6]) -> Pose<f32> {
@@ -67,36 +49,23 @@ fn mass(tree: &Tree<f32, 6>, q: &[f32; 6]) -> Mat6<f32> {
     mass_matrix(tree, q)
 }
 
-#[inline(never)]
-fn generated_torques([q, qd, qdd]: &[[f32; 6]; 3]) -> [f32; 6] {
-    let mut torque = [0.0; 6];
-    puma560_generated::inverse_dynamics(q, qd, qdd, &mut torque);
-    torque
-}
-
-#[inline(never)]
-fn generated_mass(q: &[f32; 6]) -> [[f32; 6]; 6] {
-    let mut rows = [[0.0; 6]; 6];
-    puma560_generated::mass_matrix(q, &mut rows);
-    rows
-}
-
 /// The instructions of one arm, as `name`s beside them.
 #[inline(never)]
 fn counts(tree: &Tree<f32, 6>, tool: &LinkFrame<f32>, motion: &[[f32; 6]; 3]) -> [(&'static str, u32); 6] {
     let (mut frames, mut jacobian) = (Frames::default(), Mat6::zeros());
     let [q, ..] = motion;
     let error = Twist { angular: Vec3::repeat(0.01), linear: Vec3::repeat(0.01) };
-    let pose = count(|| forward(tree, tool, black_box(q)));
-    let both =
-        count(|| forward_and_jacobian(black_box(tree), black_box(tool), black_box(q), (&mut frames, &mut jacobian)));
-    let step = count(|| damped(black_box(&jacobian), black_box(&error)));
+    let pose = count::instructions(|| forward(tree, tool, black_box(q)));
+    let both = count::instructions(|| {
+        forward_and_jacobian(black_box(tree), black_box(tool), black_box(q), (&mut frames, &mut jacobian))
+    });
+    let step = count::instructions(|| damped(black_box(&jacobian), black_box(&error)));
     let limits = [[-3.0, 3.0]; 6];
     let arm = ik::Arm { tree, tool, limits: &limits };
     let target = tree.pose(tool, &q.map(|q| q + 0.1));
-    let full_step = count(|| ik::iterate(&arm, black_box(&target), &mut q.clone(), 1, (0.5, 1e-3)));
-    let inverse = count(|| torques(tree, black_box(motion)));
-    let matrix = count(|| mass(tree, black_box(q)));
+    let full_step = count::instructions(|| ik::iterate(&arm, black_box(&target), &mut q.clone(), 1, (0.5, 1e-3)));
+    let inverse = count::instructions(|| torques(tree, black_box(motion)));
+    let matrix = count::instructions(|| mass(tree, black_box(q)));
     [
         ("forward_kinematics", pose),
         ("forward_kinematics_and_Jacobian", both),
@@ -131,43 +100,21 @@ fn check_values(tree: &Tree<f32, 6>, tool: &LinkFrame<f32>, motion: &[[f32; 6]; 
     check("the inverse leads back", found.status == ik::Status::Reached);
 }
 
-/// The instructions of the generated code, which gives what the core gives but for rounding.
-#[inline(never)]
-fn generated_counts(tree: &Tree<f32, 6>, motion: &[[f32; 6]; 3]) -> [(&'static str, u32); 2] {
-    let [q, ..] = motion;
-    let near = |(ours, theirs): (&f32, &f32)| (*ours - *theirs).abs() < NEAR_NM as f32;
-    let torque = generated_torques(motion);
-    check("the generated torques are the core's", torque.iter().zip(&torques(tree, motion)).all(near));
-    // Symmetric: rows are columns.
-    let masses = generated_mass(q);
-    check("the generated masses are the core's", masses.as_flattened().iter().zip(mass(tree, q).iter()).all(near));
-    [
-        ("generated_inverse_dynamics", count(|| generated_torques(black_box(motion)))),
-        ("generated_mass_matrix", count(|| generated_mass(black_box(q)))),
-    ]
-}
-
 /// Counts, checks and prints; the stack is what all of this needs.
 #[inline(never)]
 pub(crate) fn measure(stack: &StackMemory) {
     // SAFETY: nothing else uses the counter before the tasks start.
     let mut timer = unsafe { cortex_m::Peripherals::steal() }.SYST;
-    timer.set_clock_source(SystClkSource::Core);
-    timer.set_reload(0xff_ffff);
-    timer.clear_current();
-    timer.enable_counter();
+    count::start(&mut timer);
     let motion = [SAMPLE.q, SAMPLE.qd, SAMPLE.qdd].map(|row| row.map(|x| x as f32));
     let Some(plain) = alternating() else { return check("the arm is an arm", false) };
     check_values(&PUMA, &TOOL, &motion);
     let of_puma = counts(&PUMA, &TOOL, &motion);
     let of_plain = counts(&plain, &plain.frame(5, &Pose::identity()), &motion);
     let used = stack.usage().used;
-    let generated = generated_counts(&PUMA, &motion);
     timer.disable_counter();
     for (arm, counts) in [("z_y_arm", of_plain), ("Puma_560", of_puma)] {
         counts.iter().for_each(|(name, count)| print(arm, name, count, "instructions"));
     }
-    generated.iter().for_each(|(name, count)| print("Puma_560", name, count, "instructions"));
-    print("Puma_560", "numbers_of_the_arm_for_the_general_code", size_of_val(&PUMA), "bytes");
     print("kinematics", "stack", used, "bytes");
 }

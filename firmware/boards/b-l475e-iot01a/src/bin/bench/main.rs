@@ -8,11 +8,10 @@
 #![no_main]
 
 mod corrected;
+mod count;
 mod kinematics;
 mod laws;
 mod puma560;
-#[rustfmt::skip]
-mod puma560_generated;
 
 use core::fmt::Display;
 use core::mem::MaybeUninit;
