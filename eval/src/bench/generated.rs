@@ -146,35 +146,34 @@ fn matrix(value: &Value) -> Result<Mat3<f64>> {
 }
 
 /// A work of one run.
-struct Timed<'a> {
+struct Timed {
     name: String,
-    robot: &'a str,
     ours_ns: f64,
     theirs_ns: f64,
     difference: f64,
 }
 
-fn timed(line: &str) -> Result<Timed<'_>> {
+fn timed(line: &str) -> Result<Timed> {
     let words: Vec<&str> = line.split_whitespace().collect();
     let [robot, work, ours, theirs, difference] = words[..] else { bail!("{line:?} is no line of five words") };
     let name = format!("{robot}: generated {work}");
-    Ok(Timed { name, robot, ours_ns: ours.parse()?, theirs_ns: theirs.parse()?, difference: difference.parse()? })
+    Ok(Timed { name, ours_ns: ours.parse()?, theirs_ns: theirs.parse()?, difference: difference.parse()? })
 }
 
 /// Prints the table, and gives median and worst of the ratios of all runs.
 fn figures(runs: &[String]) -> Result<Vec<Figure>> {
-    let runs: Vec<Vec<Timed<'_>>> = runs.iter().map(|text| text.lines().map(timed).collect()).collect::<Result<_>>()?;
+    let runs: Vec<Vec<Timed>> = runs.iter().map(|text| text.lines().map(timed).collect()).collect::<Result<_>>()?;
     let first = runs.first().context("nothing was run")?;
     ensure!(!first.is_empty(), "the comparison printed nothing");
     println!("{:44} {:>10} {:>10}", "least of all runs, ns", "ours", "CasADi");
     let (mut figures, mut faster, mut difference) = (Vec::new(), 0, 0.0_f64);
     for (index, work) in first.iter().enumerate() {
-        let same: Vec<&Timed<'_>> = runs.iter().filter_map(|run| run.get(index)).collect();
+        let same: Vec<&Timed> = runs.iter().filter_map(|run| run.get(index)).collect();
         ensure!(
             same.len() == runs.len() && same.iter().all(|run| run.name == work.name),
             "the runs have different works"
         );
-        let least = |value: fn(&Timed<'_>) -> f64| same.iter().map(|run| value(run)).fold(f64::INFINITY, f64::min);
+        let least = |value: fn(&Timed) -> f64| same.iter().map(|run| value(run)).fold(f64::INFINITY, f64::min);
         println!("{:44} {:>10.1} {:>10.1}", work.name, least(|run| run.ours_ns), least(|run| run.theirs_ns));
         let mut ratios: Vec<f64> = same.iter().map(|run| run.ours_ns / run.theirs_ns).collect();
         ratios.sort_by(f64::total_cmp);
