@@ -42,7 +42,7 @@ const EXACT: &[&str] = &["-icount", "shift=6,sleep=off"];
 /// The works that there is generated code for.
 const GENERATED: [&str; 2] = ["inverse dynamics", "mass matrix"];
 
-/// Functions that do them: in the bench image for any arm, in one of its own for the Puma 560 alone.
+/// Functions that do them: in the bench image for any arm, in a separate one for the Puma 560 alone.
 const GENERAL: [&str; 2] = ["torques", "mass"];
 const OF_ONE: [&str; 2] = ["generated_torques", "generated_mass"];
 

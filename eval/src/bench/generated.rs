@@ -31,7 +31,7 @@ const ROBOTS: [&str; 3] = ["panda_urdf", "ur10_urdf", "puma560_dh"];
 const FUNCTIONS: [&str; 3] = ["kinematics", "inverse_dynamics", "mass_matrix"];
 /// How often the program runs: the ratio of one run differs from that of the next.
 const RUNS: usize = 5;
-/// What both compilers are told: `-march=native` and `target-cpu=native` are the same features.
+/// Options of both compilers: `-march=native` and `target-cpu=native` are the same features.
 const C_FLAGS: [&str; 3] = ["-O3", "-march=native", "-fno-fast-math"];
 const RUST_FLAGS: [&str; 6] =
     ["--edition=2024", "-Copt-level=3", "-Ctarget-cpu=native", "-Ccodegen-units=1", "-Cpanic=abort", "-Cstrip=symbols"];
@@ -173,8 +173,8 @@ fn figures(runs: &[String]) -> Result<Vec<Figure>> {
             same.len() == runs.len() && same.iter().all(|run| run.name == work.name),
             "the runs have different works"
         );
-        let least = |value: fn(&Timed) -> f64| same.iter().map(|run| value(run)).fold(f64::INFINITY, f64::min);
-        println!("{:44} {:>10.1} {:>10.1}", work.name, least(|run| run.ours_ns), least(|run| run.theirs_ns));
+        let min_of = |value: fn(&Timed) -> f64| same.iter().map(|run| value(run)).fold(f64::INFINITY, f64::min);
+        println!("{:44} {:>10.1} {:>10.1}", work.name, min_of(|run| run.ours_ns), min_of(|run| run.theirs_ns));
         let mut ratios: Vec<f64> = same.iter().map(|run| run.ours_ns / run.theirs_ns).collect();
         ratios.sort_by(f64::total_cmp);
         let (median, worst) = (ratios[ratios.len() / 2], ratios[ratios.len() - 1]);

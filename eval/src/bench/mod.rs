@@ -154,7 +154,16 @@ impl Bench {
             stamps,
             ref foreign,
         } = self.selection;
-        let others = chip || image || upload || peers || generated || better_words || map || measured || stamps || foreign.is_some();
+        let others = chip
+            || image
+            || upload
+            || peers
+            || generated
+            || better_words
+            || map
+            || measured
+            || stamps
+            || foreign.is_some();
         match (synthesis_sweep, far_frames, reach) {
             (true, false, false) if !others => items::run(&SynthesisSweep {}, &self.spread),
             (false, true, false) if !others => items::run(&FarFrames {}, &self.spread),

@@ -147,10 +147,10 @@ fn figures(runs: &[String]) -> Result<Vec<Figure>> {
         let same: Vec<&Line<'_>> = runs.iter().filter_map(|run| run.get(index)).collect();
         let is_same = same.iter().all(|line| (line.arm, line.work) == (arm, work));
         ensure!(same.len() == runs.len() && is_same, "the runs have different works");
-        let least = |values: Vec<f64>| values.into_iter().fold(f64::INFINITY, f64::min);
-        let ours = least(same.iter().map(|line| line.ours).collect());
+        let min_of = |values: Vec<f64>| values.into_iter().fold(f64::INFINITY, f64::min);
+        let ours = min_of(same.iter().map(|line| line.ours).collect());
         let theirs: [Vec<f64>; 3] = [0, 1, 2].map(|peer| same.iter().filter_map(|line| line.theirs[peer]).collect());
-        let shown = |values: &Vec<f64>| if values.is_empty() { "-".into() } else { least(values.clone()).to_string() };
+        let shown = |values: &Vec<f64>| if values.is_empty() { "-".into() } else { min_of(values.clone()).to_string() };
         let [pinocchio, k, dynibo] = theirs.each_ref().map(shown);
         println!("{:40} {ours:>10} {pinocchio:>10} {k:>10} {dynibo:>10}", format!("{arm} {work}"));
         if work == REACHED {

@@ -4,6 +4,7 @@
 mod check;
 mod examples;
 
+use std::f64::consts::FRAC_PI_2;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, ensure};
@@ -14,7 +15,8 @@ use darm_figures::shard::Shard;
 use darm_papers::grasp::assembly::HandFile;
 use darm_papers::grasp::contact::{Configuration, Contacts};
 use darm_papers::grasp::file::read_hand;
-use darm_papers::grasp::layout::ANGLES;
+use darm_papers::grasp::hand::Hand;
+use darm_papers::grasp::layout::{ANGLES, COORDINATES};
 use darm_papers::grasp::library::Library;
 use darm_papers::grasp::paper::{End, Settings};
 use darm_papers::grasp::train::{Chosen, Outcomes, PAPER_LAMBDAS, PAPER_SUCCESS, Training};
@@ -76,11 +78,57 @@ struct Faults {
     error_m: f64,
 }
 
+/// How far contacts may be to the side of a fingertip.
+#[derive(Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(crate) enum Range {
+    /// "Approximately a quarter of the sphere surface", as printed: with bends from 0 to 90°, ±90° are exactly a quarter.
+    Printed,
+    /// That of the hand's file, ±45°: 18 % of the sphere.
+    Hand,
+}
+
+impl Range {
+    const ALL: [Self; 2] = [Self::Printed, Self::Hand];
+
+    fn training(self) -> &'static str {
+        match self {
+            Self::Printed => "training with the printed range",
+            Self::Hand => "training",
+        }
+    }
+
+    /// How the names of its figures begin.
+    fn method(self) -> &'static str {
+        match self {
+            Self::Printed => "paper's method, range as printed",
+            Self::Hand => "paper's method",
+        }
+    }
+
+    fn file(self, figure: &str) -> String {
+        match self {
+            Self::Printed => format!("{figure}.svg"),
+            Self::Hand => format!("{figure}-45-deg.svg"),
+        }
+    }
+
+    /// The hand with this range.
+    fn of(self, hand: &Hand) -> Hand {
+        let mut hand = hand.clone();
+        if self == Self::Printed {
+            for finger in hand.limits.chunks_mut(COORDINATES) {
+                finger[COORDINATES - 1] = [-FRAC_PI_2, FRAC_PI_2];
+            }
+        }
+        hand
+    }
+}
+
 /// What came of one item.
 #[derive(Serialize, Deserialize)]
 pub(crate) enum Outcome {
-    /// For each constraint of the training, a digit for each λ: 1 where it solves.
-    Trained(Vec<String>),
+    /// For each constraint of a training, a digit for each λ: 1 where it solves.
+    Trained { range: Range, rows: Vec<String> },
     /// Some held-out constraints by both methods, and some with contacts in an order that nobody gave.
     Allegro { paper: Vec<Run>, ours: Vec<Run>, unassigned: Vec<Run> },
     /// Some of the other hand.
@@ -94,11 +142,11 @@ struct Subject {
     held_out: Vec<Contacts>,
 }
 
-/// Both hands, and the constraints of the training.
+/// Both hands; and for each range the hand that is trained, and the constraints of its training.
 pub(crate) struct Bench {
     allegro: Subject,
     leap: Subject,
-    training: Vec<Contacts>,
+    trainings: [(Hand, Vec<Contacts>); 2],
 }
 
 impl Subject {
@@ -116,7 +164,7 @@ impl Grasp {
         Training { count: self.n, lambdas: self.lambdas, seed: SEED, settings: Settings::default() }
     }
 
-    /// The items of the training, and those of a hand.
+    /// The items of a training, and those of a hand.
     fn batches(&self) -> [usize; 2] {
         [self.n.div_ceil(BATCH), self.held_out.div_ceil(BATCH)]
     }
@@ -132,27 +180,32 @@ impl Job for Grasp {
             (0..count).step_by(BATCH).map(move |first| format!("{what}, constraints from {first}"))
         };
         let hands = ["Allegro hand", "LEAP hand"].into_iter().flat_map(|hand| named(hand, self.held_out));
-        Ok(named("training", self.n).chain(hands).collect())
+        Ok(Range::ALL.into_iter().flat_map(|range| named(range.training(), self.n)).chain(hands).collect())
     }
 
     fn bench(&self, _: Shard) -> Result<Bench> {
         let [allegro, leap] = [HANDS[0], HANDS[1]].map(|(_, hand, _)| Subject::new(hand, self.held_out));
         let allegro = allegro?;
-        let training = allegro.file.hand.draw_many(self.n, SEED);
-        Ok(Bench { allegro, leap: leap?, training })
+        let trainings = Range::ALL.map(|range| {
+            let hand = range.of(&allegro.file.hand);
+            let constraints = hand.draw_many(self.n, SEED);
+            (hand, constraints)
+        });
+        Ok(Bench { allegro, leap: leap?, trainings })
     }
 
     fn run(&self, bench: &Bench, item: usize) -> Result<Outcome> {
         let [trained, held_out] = self.batches();
         let batch = |all: &[Contacts], index: usize| all.chunks(BATCH).nth(index).map(<[Contacts]>::to_vec);
         let missing = "an item past the last";
-        if item < trained {
-            let (hand, training) = (&bench.allegro.file.hand, self.training());
+        if let Some((range, (hand, all))) = Range::ALL.iter().zip(&bench.trainings).nth(item / trained.max(1)) {
+            let training = self.training();
             let digits = |solved: Vec<bool>| solved.iter().map(|solved| if *solved { '1' } else { '0' }).collect();
-            let rows = batch(&bench.training, item).context(missing)?;
-            return Ok(Outcome::Trained(rows.iter().map(|row| digits(training.solved(hand, row))).collect()));
+            let constraints = batch(all, item % trained).context(missing)?;
+            let rows = constraints.iter().map(|contacts| digits(training.solved(hand, contacts))).collect();
+            return Ok(Outcome::Trained { range: *range, rows });
         }
-        let item = item - trained;
+        let item = item - Range::ALL.len() * trained;
         if item >= held_out {
             let Subject { file, library, held_out: all } = &bench.leap;
             let all = batch(all, item - held_out).context(missing)?;
@@ -176,11 +229,15 @@ impl Job for Grasp {
     }
 
     fn figures(&self, outcomes: &[Outcome]) -> Result<Vec<Figure>> {
-        let mut solved = Vec::new();
+        let mut solved = Range::ALL.map(|_| Vec::new());
         let [mut by_paper, mut ours, mut unassigned, mut leap] = [const { Vec::<&Run>::new() }; 4];
         for outcome in outcomes {
             match outcome {
-                Outcome::Trained(rows) => solved.extend(rows.iter().map(|row| row.chars().map(|c| c == '1').collect())),
+                Outcome::Trained { range, rows } => {
+                    let rows = rows.iter().map(|row| row.chars().map(|c| c == '1').collect());
+                    let mut all = Range::ALL.iter().zip(&mut solved);
+                    all.find(|(other, _)| *other == range).context("a range is missing")?.1.extend(rows);
+                }
                 Outcome::Allegro { paper: first, ours: second, unassigned: third } => {
                     by_paper.extend(first);
                     ours.extend(second);
@@ -191,8 +248,10 @@ impl Job for Grasp {
         }
         let folder = setup::root().join("target/papers/grasp");
         std::fs::create_dir_all(&folder).with_context(|| format!("{} cannot be made", folder.display()))?;
-        let trained = Outcomes { lambdas: self.training().values(), solved };
-        let mut figures = reported(&trained, &folder)?;
+        let mut figures = Vec::new();
+        for (range, solved) in Range::ALL.into_iter().zip(solved) {
+            figures.extend(reported(range, &Outcomes { lambdas: self.training().values(), solved }, &folder)?);
+        }
         let allegro = Judge::new(HANDS[0])?;
         examples::pictures(&allegro.file, &allegro.file.hand.draw_many(EXAMPLES, HELD_OUT_SEED), &folder)?;
         figures.extend(allegro.compared("paper's method, held out", &by_paper)?);
@@ -208,13 +267,14 @@ impl Job for Grasp {
 }
 
 /// Table 1, Figures 4 and 5, and what the training promises.
-fn reported(trained: &Outcomes, folder: &Path) -> Result<Vec<Figure>> {
+fn reported(range: Range, trained: &Outcomes, folder: &Path) -> Result<Vec<Figure>> {
     let sequence = trained.sequence(LENGTH);
     ensure!(!sequence.is_empty(), "no λ solves any constraint");
+    println!("{}:", range.training());
     table(&sequence);
     for (name, svg) in [
-        ("figure-4.svg", plot::selection(&trained.lambdas, &sequence)),
-        ("figure-5.svg", plot::accumulation(&sequence)),
+        (range.file("figure-4"), plot::selection(&trained.lambdas, &sequence)),
+        (range.file("figure-5"), plot::accumulation(&sequence)),
     ] {
         let path = folder.join(name);
         std::fs::write(&path, svg).with_context(|| format!("{} cannot be written", path.display()))?;
@@ -222,10 +282,11 @@ fn reported(trained: &Outcomes, folder: &Path) -> Result<Vec<Figure>> {
     println!("Figures 4 and 5: {}\n", folder.display());
     let accumulated = |chosen: Option<&Chosen>| chosen.map_or(0.0, |chosen| chosen.accumulated);
     let (first, all) = (accumulated(sequence.first()), accumulated(sequence.last()));
+    let method = range.method();
     Ok(vec![
-        Figure::new("grasp: paper's method, first lambda", first, "%")?,
-        Figure::new("grasp: paper's method, first lambda, at most", first, "%")?,
-        Figure::new("grasp: paper's method, ten lambdas", all, "%")?,
+        Figure::new(&format!("grasp: {method}, first lambda"), first, "%")?,
+        Figure::new(&format!("grasp: {method}, first lambda, at most"), first, "%")?,
+        Figure::new(&format!("grasp: {method}, ten lambdas"), all, "%")?,
     ])
 }
 
@@ -357,4 +418,39 @@ fn assigned(runs: &[&Run]) -> Result<Vec<Figure>> {
         Figure::new("grasp: fingers not assigned, wrong answers", wrong, "")?,
         Figure::new("grasp: fingers not assigned, time for a grasp", 1e3 * time_s / solved, "ms")?,
     ])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_printed_range_is_a_quarter_of_the_sphere() {
+        let hand = read_hand(&setup::root().join(HANDS[0].1)).unwrap().hand;
+        // Of the sphere: the bend is an angle about an axis, the area grows with the sine to the side.
+        let share = |hand: &Hand, finger: usize| {
+            let [.., bend, side] = &hand.limits[COORDINATES * finger..COORDINATES * (finger + 1)] else { panic!() };
+            (bend[1] - bend[0]) * (side[1].sin() - side[0].sin()) / (4.0 * std::f64::consts::PI)
+        };
+        for finger in 0..4 {
+            assert!((share(&Range::Printed.of(&hand), finger) - 0.25).abs() < 1e-12);
+            assert!((share(&Range::Hand.of(&hand), finger) - 0.1768).abs() < 1e-4);
+        }
+    }
+
+    #[test]
+    fn items_of_both_trainings_come_before_those_of_the_hands() {
+        let small = Grasp { n: 2, held_out: 1, lambdas: 2 };
+        let (items, bench) = (small.items().unwrap(), small.bench(Shard::ALL).unwrap());
+        let ranges: Vec<Option<Range>> = (0..items.len())
+            .map(|item| match small.run(&bench, item).unwrap() {
+                Outcome::Trained { range, rows } => {
+                    assert_eq!((rows.len(), items[item].starts_with(range.training())), (2, true));
+                    Some(range)
+                }
+                _ => None,
+            })
+            .collect();
+        assert!(ranges == [Some(Range::Printed), Some(Range::Hand), None, None], "{items:?}");
+    }
 }

@@ -9,7 +9,7 @@ use anyhow::{Context, Result};
 use darm_core::real::Vec3;
 use darm_core::se::Pose;
 use darm_papers::convergence;
-use darm_papers::memr::{self, CELLS, Cell, LINK_M, MET_M, PRINTED_LINK_M, Printed, RUNS, Repeated, TARGETS};
+use darm_papers::memr::{self, CELLS, Cell, LINK_M, MET_M, PRINTED_LINK_M, Printed, Problem, RUNS, Repeated, TARGETS};
 use darm_robot::ik::search::{Algorithm, Mark, Run, Settings};
 use darm_robot::ik::trials::{Summary, Trials};
 use darm_robot::ik::{Method, Options, Status};
@@ -157,8 +157,8 @@ impl Job for Memr {
             println!("\nlinks of {} cm, {RUNS} runs{}", 100.0 * link_m, memr::text(&repeated));
             if link_m == LINK_M {
                 pictures(&repeated)?;
-                figures.extend(within(&repeated)?);
             }
+            figures.extend(within(&repeated, link_m)?);
         }
         for outcome in outcomes {
             let Outcome::Rows(rows) = outcome else { continue };
@@ -228,12 +228,29 @@ fn several() -> Result<String> {
     Ok(convergence::postures(&arm, &tip, &found)?)
 }
 
-/// Our tables beside the paper's, and how far they lie from each other.
-fn within(repeated: &[Repeated]) -> Result<Vec<Figure>> {
+/// What the figures of a problem say of its links: a function has none.
+fn links(problem: Problem, link_m: f64) -> &'static str {
+    match problem {
+        Problem::Target(_) if link_m == PRINTED_LINK_M => ", links of 20 cm as printed",
+        Problem::Target(_) => ", links of 30 cm",
+        _ => "",
+    }
+}
+
+/// Our tables beside the paper's, and how far they lie from each other; a target out of reach has only how far it is.
+fn within(repeated: &[Repeated], link_m: f64) -> Result<Vec<Figure>> {
     let mut figures = Vec::new();
     for repeated in repeated {
-        let algorithm = memr::printed_name(repeated.cell.algorithm);
-        let name = format!("memr: Table {}, {}, {algorithm}", repeated.cell.table, repeated.cell.problem.name());
+        let (cell, algorithm) = (&repeated.cell, memr::printed_name(repeated.cell.algorithm));
+        let links = links(cell.problem, link_m);
+        if repeated.short_cm > 0.0 {
+            let name = format!("memr: {}{links}: out of reach by", cell.problem.name());
+            if !figures.iter().any(|figure: &Figure| figure.name == name) {
+                figures.push(Figure::new(&name, repeated.short_cm, "cm")?);
+            }
+            continue;
+        }
+        let name = format!("memr: Table {}, {}, {algorithm}{links}", cell.table, cell.problem.name());
         figures.push(Figure::new(&name, repeated.off(), "of spread")?);
         let ([ours, paper], unit) = (repeated.compared(), if repeated.cell.table > 1 { "cm" } else { "" });
         let what = if repeated.cell.table == 3 { "mean" } else { "best" };
@@ -248,7 +265,7 @@ fn within(repeated: &[Repeated]) -> Result<Vec<Figure>> {
             figures.push(Figure::new(&format!("{name}: printed runs within ours, of 5"), count as f64, "")?);
         }
         if let Some(off) = repeated.off_of_best() {
-            figures.push(Figure::new(&format!("{name}: our best 5 of 20"), off, "of spread")?);
+            figures.push(Figure::new(&format!("{name}: our best 5 of 20, chosen afterwards"), off, "of spread")?);
         }
     }
     Ok(figures)
@@ -318,4 +335,35 @@ fn golden(name: &str) -> Result<serde_json::Value> {
     let mut text = String::new();
     flate2::read::GzDecoder::new(file).read_to_string(&mut text).with_context(|| format!("{}", path.display()))?;
     serde_json::from_str(&text).with_context(|| format!("{} is no JSON", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use darm_robot::ik::search::Algorithm::Memr as MEMR;
+
+    /// A cell of one short run.
+    fn short(target: [f64; 2], link_m: f64) -> Repeated {
+        let cell = CELLS.iter().find(|cell| cell.problem == Problem::Target(target) && cell.algorithm == MEMR);
+        let settings = Settings { iterations: 1, ..Settings::default() };
+        let cell = *cell.unwrap();
+        let trials = memr::reach(link_m, Method::Population(MEMR), target, &settings, 1).unwrap();
+        let nearest = memr::reach(link_m, Method::LevenbergMarquardt, target, &settings, 1).unwrap().summary().best;
+        Repeated { cell, trials, short_cm: if nearest > MET_M { 100.0 * nearest } else { 0.0 } }
+    }
+
+    #[test]
+    fn rows_say_which_links_they_have_and_which_targets_are_out_of_their_reach() {
+        let names = |target, link_m| -> Vec<String> {
+            let twice = [short(target, link_m), short(target, link_m)];
+            within(&twice, link_m).unwrap().into_iter().map(|figure| figure.name).collect()
+        };
+        for target in [[50.0, 60.0], [70.0, 20.0]] {
+            let printed = names(target, PRINTED_LINK_M);
+            assert!(printed.iter().all(|name| name.contains(", MEMR, links of 20 cm as printed")), "{printed:?}");
+        }
+        assert!(names([70.0, 20.0], LINK_M).iter().all(|name| name.contains(", MEMR, links of 30 cm")));
+        let far = "memr: (80, 30) cm, links of 20 cm as printed: out of reach by";
+        assert_eq!(names([80.0, 30.0], PRINTED_LINK_M), [far], "once for all methods, and nothing is compared");
+    }
 }

@@ -85,6 +85,7 @@ const CRATES: [(&str, &str, &[&str]); 24] = [
             "darm-device",
             "darm-diagnose",
             "darm-figures",
+            "darm-generate",
             "darm-measure",
             "darm-papers",
             "darm-robot",
