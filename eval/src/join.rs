@@ -149,7 +149,8 @@ mod tests {
         );
         let grasp = items::<papers::Grasp>(json!({ "n": 10, "held_out": 250, "lambdas": 2 }));
         let held_out = |hand: &str| [0, 100, 200].map(|first| format!("{hand}, constraints from {first}"));
-        let each = ["training, constraints from 0".to_owned()].into_iter();
+        let each = ["training with the printed range", "training"].map(|what| format!("{what}, constraints from 0"));
+        let each = each.into_iter();
         assert_eq!(grasp, each.chain(held_out("Allegro hand")).chain(held_out("LEAP hand")).collect::<Vec<_>>());
         assert_eq!(items::<papers::Memr>(json!({ "seed": 1 })).len(), 15 + 21 + 3);
     }

@@ -111,7 +111,8 @@ fn compare<const N: usize, const R: usize>(
             for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))) {
                 let away = (ours[row * columns + column] - theirs[column * rows + row]).abs() / size;
                 // Not a number is the largest difference.
-                outcome.difference = if away <= outcome.difference { outcome.difference } else { away };
+                let largest = outcome.difference;
+                outcome.difference = if largest.is_nan() || away <= largest { largest } else { away };
             }
         }
     }
