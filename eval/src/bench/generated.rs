@@ -183,12 +183,9 @@ fn figures(runs: &[String]) -> Result<Vec<Figure>> {
             let name = format!("{} over CasADi's C, {what} of {}", work.name, runs.len());
             figures.push(Figure::new(&name, (ratio * 1000.0).round() / 1000.0, "of the time")?);
         }
-        difference = same.iter().fold(
-            difference,
-            |largest, run| {
-                if largest.is_nan() || run.difference <= largest { largest } else { run.difference }
-            },
-        );
+        difference = same.iter().fold(difference, |largest, run| {
+            if largest.is_nan() || run.difference <= largest { largest } else { run.difference }
+        });
     }
     figures.push(Figure::new(
         &format!("generated: works of {} at most {FASTER} of CasADi's time in the worst run", first.len()),
