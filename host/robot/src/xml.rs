@@ -1,11 +1,11 @@
 //! Elements of an XML file with their places, for formats that read some of the elements and skip the others.
 //!
-//! A prefix of a name is kept as it is written, an attribute that does not parse ends the attributes of its element, and
-//! elements nest as deep as memory holds.
+//! A prefix of a name is kept as it is written, and elements nest as deep as memory holds.
 
 use std::ops::Range;
 
 use quick_xml::Reader;
+use quick_xml::events::attributes::AttrError;
 use quick_xml::events::{BytesStart, Event};
 
 use crate::source::Source;
@@ -99,7 +99,11 @@ impl Document {
             }
         }
         let tag_name = String::from_utf8_lossy(tag.name().as_ref()).into_owned();
-        self.nodes.push(Node { tag: tag_name, attributes: attributes(tag, text), children: Vec::new(), span });
+        let attributes = attributes(tag, text).map_err(|error| NotXml {
+            span: span.clone(),
+            reason: format!("<{tag_name}>: {error}; correct the XML"),
+        })?;
+        self.nodes.push(Node { tag: tag_name, attributes, children: Vec::new(), span });
         Ok(node)
     }
 
@@ -155,9 +159,10 @@ impl Attribute {
     }
 }
 
-fn attributes(tag: &BytesStart<'_>, text: &str) -> Vec<Attribute> {
+fn attributes(tag: &BytesStart<'_>, text: &str) -> Result<Vec<Attribute>, AttrError> {
     let mut found: Vec<Attribute> = Vec::new();
-    for attribute in tag.attributes().with_checks(false).map_while(Result::ok) {
+    for attribute in tag.attributes() {
+        let attribute = attribute?;
         let span_of = |part: &[u8]| {
             let start = (part.as_ptr() as usize).wrapping_sub(text.as_ptr() as usize);
             let end = start.wrapping_add(part.len());
@@ -173,7 +178,7 @@ fn attributes(tag: &BytesStart<'_>, text: &str) -> Vec<Attribute> {
             span,
         });
     }
-    found
+    Ok(found)
 }
 
 fn offset(position: u64, text: &str) -> usize {
@@ -192,7 +197,7 @@ mod tests {
 
     #[test]
     fn elements_have_places_and_attributes_their_values() {
-        let text = "<?xml version=\"1.0\"?>\n<a x='1 -2e1' x:y=\"&lt;\">\n <b/><c:d z/></a>";
+        let text = "<?xml version=\"1.0\"?>\n<a x='1 -2e1' x:y=\"&lt;\">\n <b/><c:d/></a>";
         let document = parse(text).unwrap();
         let root = document.root();
         assert_eq!((root.tag(), root.span().start, root.value("x:y")), ("a", 22, Some("<")));
@@ -203,7 +208,8 @@ mod tests {
 
     #[test]
     fn what_is_no_xml_has_a_place() {
-        for (text, at) in [("<a>\n<b></a>", 7), ("<a/><b/>", 4), ("", 0), ("<a><b>", 3)] {
+        let attributes = ["<a><b c=1/></a>", "<a><b c/></a>", "<a><b c='1' c='2'/></a>"].map(|text| (text, 3));
+        for (text, at) in [("<a>\n<b></a>", 7), ("<a/><b/>", 4), ("", 0), ("<a><b>", 3)].into_iter().chain(attributes) {
             assert_eq!(parse(text).unwrap_err().span.start, at, "{text}");
         }
     }

@@ -49,13 +49,13 @@ pub enum UrdfFault {
         /// The links that there are.
         known: Vec<String>,
     },
-    /// An element of the macro language of ROS, which is to be expanded before.
+    /// An element or value of the macro language of ROS, which is to be expanded before.
     #[error(
-        "<{element}> is xacro, which describes a robot only when it is expanded; run `xacro {file} > expanded.urdf` and give expanded.urdf"
+        "{what} is xacro, which describes a robot only when it is expanded; run `xacro {file} > expanded.urdf` and give expanded.urdf"
     )]
     Xacro {
-        /// The element.
-        element: String,
+        /// The element or the value.
+        what: String,
         /// The file.
         file: String,
     },

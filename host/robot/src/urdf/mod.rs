@@ -10,9 +10,9 @@
 //! | `<inertial>` missing | no mass; the warnings say which |
 //! | `<limit>` missing, or 0 to 0 | no limits; the warnings say which |
 //! | `<collision>` | read by [`parse_shapes`] alone |
-//! | `xacro:…` | refused, with the command that expands it |
-//! | an attribute that its element does not have | not read; the robot's `ignored` says which, and where |
-//! | all other elements | not read, and not checked |
+//! | `xacro:…`, `${…}`, `$(arg …)` | refused, with the command that expands it |
+//! | an attribute or element that its element does not have, a second element where there is one | not read; the robot's `ignored` says which, and where |
+//! | elements beside links and joints | not read, and not checked |
 //!
 //! Joints are in the order in which a walk from the root meets them, branch by branch, children in the order of the file.
 //! An `<origin>` has its rotation as `rpy` or as `quat_xyzw`. Roll, pitch and yaw are angles about the fixed x, y and z: R = Rot_z(y)·Rot_y(p)·Rot_x(r).
@@ -30,7 +30,7 @@ use std::path::Path;
 use crate::robot::Robot;
 use crate::shape::LinkShape;
 use crate::source::{Fault, FileError, Source};
-use crate::xml::Document;
+use crate::xml::{Attribute, Document};
 
 pub use crate::assembly::{Locks, Selection};
 pub use fault::UrdfFault;
@@ -83,10 +83,22 @@ pub(crate) fn of_source(source: &Source, selection: &Selection) -> Result<Robot,
 fn document(source: &Source) -> Result<Document, UrdfError> {
     let document =
         Document::parse(source).map_err(|wrong| source.error(Some(wrong.span), Fault::Syntax(wrong.reason)))?;
-    let macro_of = document.elements().find(|element| element.tag().starts_with("xacro:"));
-    if let Some(element) = macro_of {
-        let file = source.path().display().to_string();
-        return Err(source.wrong(element.span(), UrdfFault::Xacro { element: element.tag().into(), file }));
+    // The prefix of the namespace is up to the file.
+    let is_declared = |prefix: &str| {
+        let declares =
+            |own: &&Attribute| own.name.strip_prefix("xmlns:") == Some(prefix) && own.value.contains("xacro");
+        prefix == "xacro" || document.root().attributes().iter().any(|own| declares(&own))
+    };
+    let found = document.elements().find_map(|element| {
+        let tag = element.tag().split_once(':').filter(|(prefix, _)| is_declared(prefix));
+        let by_value =
+            || element.attributes().iter().find(|own| own.value.contains("${") || own.value.contains("$(arg"));
+        let what =
+            tag.map(|_| format!("<{}>", element.tag())).or_else(|| by_value().map(|own| format!("`{}`", own.value)));
+        Some((element.span(), what?))
+    });
+    if let Some((span, what)) = found {
+        return Err(source.wrong(span, UrdfFault::Xacro { what, file: source.path().display().to_string() }));
     }
     Ok(document)
 }

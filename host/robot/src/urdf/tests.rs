@@ -298,6 +298,10 @@ fn a_rotation_is_read_as_a_quaternion_and_unknown_attributes_are_reported() {
     assert!(small(&joint("quat_xyzw=\"0 0 0 0\"")).unwrap_err().contains("has no length"));
     let [said] = &small(&joint("xyz=\"0 0 0\" ryp=\"1 0 0\"")).unwrap().ignored[..] else { panic!() };
     assert_eq!(said, "r.urdf:2:82: unknown attribute `ryp` of <origin> is ignored; correct it");
+    let ignored = small(&joint("xyz=\"0 0 0\"/><orgin xyz=\"0 0 1\"/><origin xyz=\"0 0 2\"")).unwrap().ignored;
+    let said: Vec<&str> = ignored.iter().filter_map(|said| said.splitn(4, ':').nth(3)).collect();
+    let expected = ["unknown element <orgin>", "second element <origin>"];
+    assert_eq!(said, expected.map(|what| format!(" {what} of <joint> is ignored; correct it")));
 }
 
 #[test]
@@ -309,6 +313,11 @@ fn xacro_is_refused_with_the_command_that_expands_it() {
             "{error}"
         );
     }
+    let error = small("<link name=\"a\"/><link name=\"${p}b\"/>").unwrap_err();
+    assert!(error.contains("`${p}b` is xacro"), "{error}");
+    let other = "<robot name=\"r\" xmlns:x=\"http://www.ros.org/wiki/xacro\"><link name=\"a\"/><x:seg/></robot>";
+    let error = parse(Path::new("r.urdf"), other, &Locks::new()).unwrap_err().to_string();
+    assert!(error.contains("<x:seg> is xacro"), "{error}");
     assert!(small("<link name=\"a\"/>").is_ok());
 }
 
