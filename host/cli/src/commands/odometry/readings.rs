@@ -100,7 +100,9 @@ pub(super) fn read(
 }
 
 /// Widths of counters of encoders whose wraps no step of a wheel is as long as, bits.
-const WIDTHS: [u32; 2] = [16, 32];
+const WIDTHS: [u32; 3] = [16, 24, 32];
+/// Values of the narrowest counter.
+const MIN_VALUES: f64 = 16.0;
 /// A step that is so near to a complete counter, as a share of it, is one of a counter that wrapped.
 const NEAR_WRAP: f64 = 0.25;
 
@@ -124,14 +126,31 @@ fn unwrap(
     counter: Option<f64>,
     place: &dyn Fn(usize) -> String,
 ) -> Result<(), Usage> {
-    let mut before = wheels.first().map_or(0.0, |counts| counts[side]);
-    for row in 1..wheels.len() {
-        let ticks = wheels[row][side] - before;
-        before = wheels[row][side];
-        let ticks = step(ticks, counter).map_err(|bits| asked(&place(row), ticks, bits))?;
+    let steps: Vec<f64> = wheels.windows(2).map(|pair| pair[1][side] - pair[0][side]).collect();
+    let counts = || wheels.iter().map(|counts| counts[side]);
+    // All counts are within those that the counter has.
+    let min_values = (counts().fold(f64::MIN, f64::max) - counts().fold(f64::MAX, f64::min)).max(MIN_VALUES);
+    for (row, ticks) in (1..).zip(&steps) {
+        if let Some(values) = wrapped(&steps, row - 1).filter(|values| counter.is_none() && *values >= min_values) {
+            let bits = values.log2().round();
+            let is_binary = (bits.exp2() - values).abs() < NEAR_WRAP * values;
+            return Err(if is_binary {
+                asked(&place(row), *ticks, bits as u32)
+            } else {
+                begun_again(&place(row), *ticks)
+            });
+        }
+        let ticks = step(*ticks, counter).map_err(|bits| asked(&place(row), *ticks, bits))?;
         wheels[row][side] = wheels[row - 1][side] + ticks;
     }
     Ok(())
+}
+
+/// How many values a counter has that wrapped in this step: one against those before and after it, and longer than both together.
+fn wrapped(steps: &[f64], at: usize) -> Option<f64> {
+    let [before, own, after] = *steps.get(at.checked_sub(1)?..=at + 1)? else { return None };
+    let is_against = own * before < 0.0 && own * after < 0.0;
+    (is_against && own.abs() > (before + after).abs()).then(|| own.abs() + 0.5 * (before + after).abs())
 }
 
 /// Whether a counter wrapped, as a question with both answers.
@@ -178,6 +197,14 @@ fn rows(path: &Path) -> Result<Rows, CsvError> {
     Ok(Rows { kind, t_s: time.map(|_| times), wheels, lines })
 }
 
+/// That a counter began again, and not as one of bits does.
+fn begun_again(place: &str, ticks: f64) -> Usage {
+    Usage(format!(
+        "{place}: a step of {ticks} ticks against those before and after it: did the counter begin again? write totals that run on, or \
+         the ticks since the row before in left_ticks and right_ticks; if the wheel turned so far, give --counter-bits 53"
+    ))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -199,6 +226,14 @@ mod tests {
             unwrap(&mut wheels, side, bits(16), &|row| row.to_string()).unwrap();
         }
         assert_eq!(wheels, [[100.0, 130.0], [-200.0, -160.0], [-500.0, -450.0], [100.0, 130.0]]);
+        // Of 12 bits, and one that an index sets to 0 after 4000.
+        let asks = |values: f64| {
+            let mut wheels: Vec<[f64; 2]> = (0..9).map(|k| [(f64::from(k) * 600.0) % values; 2]).collect();
+            unwrap(&mut wheels, 0, None, &|row| row.to_string()).map_err(|error| error.0)
+        };
+        assert!(asks(4096.0).unwrap_err().starts_with("7: a step of -3496 ticks: did a counter of 12 bits wrap"));
+        assert!(asks(2900.0).unwrap_err().contains("write totals that run on"), "{:?}", asks(2900.0));
+        assert_eq!(asks(1e9), Ok(()));
         let asked = asked("a.csv:5", 65_236.0, 16).0;
         assert!(asked.contains("a.csv:5: a step of 65236 ticks") && asked.contains("--counter-bits 16;"), "{asked}");
     }
