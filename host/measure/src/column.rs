@@ -38,7 +38,7 @@ impl Column {
     pub fn file_unit(&self) -> &str {
         let name = self.name.trim();
         let end = name.get(self.quantity.len()..).unwrap_or_default();
-        end.strip_prefix('_').unwrap_or_else(|| end.trim_matches(|c: char| c.is_whitespace() || "[]".contains(c)))
+        end.strip_prefix('_').unwrap_or_else(|| end.trim_matches(|c: char| c.is_whitespace() || "[](){}<>".contains(c)))
     }
 
     /// What it holds, by the name that the table of quantities has first.

@@ -58,7 +58,7 @@ pub(super) fn content(file: &FileRef<'_>) -> Result<Content, ReadError> {
 
 /// Compressed text, and whether it ends early; an error where not even its beginning can be read, or where it is longer than
 /// the limit.
-fn expanded(bytes: &[u8], limits: &Limits) -> io::Result<(Vec<u8>, bool)> {
+pub(crate) fn expanded(bytes: &[u8], limits: &Limits) -> io::Result<(Vec<u8>, bool)> {
     let mut text = Vec::new();
     match MultiGzDecoder::new(bytes).take(limits.bytes + 1).read_to_end(&mut text) {
         Ok(length) if length as u64 > limits.bytes => Err(io::Error::other(limits.too_large())),

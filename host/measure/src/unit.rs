@@ -54,7 +54,7 @@ const fn unit(name: &'static str, dimension: Dimension, factor: f64, place: Use)
 
 /// All units. Of two with one name the first is meant, unless the other measures what is needed: `g` is the acceleration of an
 /// accelerometer, and the mass of a load.
-const UNITS: [Unit; 49] = {
+const UNITS: [Unit; 51] = {
     use Dimension::{
         Acceleration, Angle, AngularAcceleration, AngularVelocity, Count, Current, Force, Length, Mass, Pressure,
         Temperature, Time, Torque, Velocity, Voltage,
@@ -66,6 +66,8 @@ const UNITS: [Unit; 49] = {
         unit("us", Time, 1e-6, Ours),
         unit("ns", Time, 1e-9, AtEnd),
         unit("min", Time, 60.0, InBrackets),
+        unit("h", Time, 3_600.0, InBrackets),
+        unit("day", Time, 86_400.0, InBrackets),
         unit("m", Length, 1.0, Ours),
         unit("cm", Length, 1e-2, AtEnd),
         unit("mm", Length, 1e-3, Ours),
@@ -154,6 +156,9 @@ fn plain(name: &str) -> String {
         "sec" | "secs" | "second" | "seconds" => "s",
         "millimeters" | "millimetres" | "millimeter" => "mm",
         "centimeters" | "centimetres" => "cm",
+        "minute" | "minutes" => "min",
+        "hr" | "hrs" | "hour" | "hours" => "h",
+        "days" => "day",
         "msec" | "msecs" | "millisec" | "milliseconds" => "ms",
         "usec" | "usecs" | "microsec" | "microseconds" => "us",
         "nsec" | "nsecs" | "nanosec" | "nanosecs" | "nanoseconds" => "ns",
@@ -236,11 +241,18 @@ impl Unit {
     }
 }
 
+/// Brackets in which files write a unit.
+const BRACKETS: [(char, char); 4] = [('[', ']'), ('(', ')'), ('<', '>'), ('{', '}')];
+
+/// What is before the brackets at the end of a name, and what is in them.
+pub(crate) fn in_brackets(name: &str) -> Option<(&str, &str)> {
+    BRACKETS.into_iter().find_map(|(open, close)| name.strip_suffix(close)?.rsplit_once(open))
+}
+
 /// The name of one of our columns in small letters without its unit, and the unit: `x_mm`, `x [mm]`, `v1_rad_s`, `v1_rad/s`.
 pub fn split_ours(name: &str) -> (String, Option<Unit>) {
     let name = name.trim().to_lowercase();
-    let in_brackets = name.strip_suffix(']').and_then(|rest| rest.rsplit_once('['));
-    if let Some((base, unit)) = in_brackets.and_then(|(base, unit)| Some((base, Unit::of_ours(unit)?))) {
+    if let Some((base, unit)) = in_brackets(&name).and_then(|(base, unit)| Some((base, Unit::of_ours(unit)?))) {
         return (base.trim_end().to_owned(), Some(unit));
     }
     // Of the units that fit the longest: `v1_rad_s` is a velocity in rad/s.
@@ -255,18 +267,22 @@ pub fn split_ours(name: &str) -> (String, Option<Unit>) {
 /// The unit at the end of a foreign name, in brackets or after `_`, and the name without it.
 pub fn split(name: &str) -> (&str, Option<Unit>) {
     let name = name.trim();
-    for (open, close) in [('[', ']'), ('(', ')'), ('<', '>')] {
-        if let Some((base, unit)) = name.strip_suffix(close).and_then(|rest| rest.rsplit_once(open)) {
-            if matches!(unit.trim(), "" | "-" | "1") && !base.is_empty() {
-                return (base.trim_end(), None);
-            }
-            if let Some(unit) = Unit::named(unit) {
-                return (base.trim_end(), Some(unit));
-            }
+    if let Some((base, unit)) = in_brackets(name) {
+        if matches!(unit.trim(), "" | "-" | "1") && !base.is_empty() {
+            return (base.trim_end(), None);
+        }
+        if let Some(unit) = Unit::named(unit) {
+            return (base.trim_end(), Some(unit));
         }
     }
-    let separated = name.char_indices().filter(|(_, c)| matches!(c, '_' | '/' | ' '));
-    let found = separated.filter_map(|(at, c)| Some((name[..at].trim_end(), Unit::named(&name[at + c.len_utf8()..])?)));
+    // `x_mm`, `x / mm`, `x, mm`
+    let separated = name.char_indices().filter(|(_, c)| matches!(c, '_' | '/' | ' ' | ','));
+    let found = separated.filter_map(|(at, c)| {
+        let base = name[..at].trim_end_matches([' ', '/', ',']);
+        let unit = Unit::named(&name[at + c.len_utf8()..])?;
+        // `q1_min` is a minimum, `q1 / min` a time.
+        (unit.place != Use::InBrackets || matches!(c, '/' | ',')).then_some((base, unit))
+    });
     // The first separator has the longest unit after it: `v1_rad_s` is in rad/s.
     let mut found = found.filter(|(base, _)| !base.is_empty());
     found.next().map_or((name, None), |(base, unit)| (base, Some(unit)))
@@ -276,18 +292,32 @@ pub fn split(name: &str) -> (&str, Option<Unit>) {
 pub(crate) fn text(name: &str) -> Option<&str> {
     let (base, unit) = split(name);
     let end = name.trim().get(base.len()..).filter(|_| unit.is_some())?;
-    Some(end.trim_matches(|c: char| c.is_whitespace() || "[]()<>_/".contains(c)))
+    Some(end.trim_matches(|c: char| c.is_whitespace() || "[](){}<>_/,".contains(c)))
 }
 
 /// The unit of time stamps by their size: since 1970 of the years 2001 to 2286; of numbers that rise by a million and more, which is a
-/// row in twelve days of s, ns; else s.
+/// row in twelve days of s, ns; days since 1900 as spreadsheets count them, of the years 1970 to 2100, which as s would be more than
+/// 50 000 rows a second; else s.
 pub(crate) fn of_times(numbers: &[f64]) -> Unit {
     const NANOSECONDS_A_ROW: f64 = 1e6;
+    const DAYS: std::ops::Range<f64> = 25_569.0..73_051.0;
+    const DAYS_A_ROW: f64 = 2e-5;
     let largest = numbers.iter().copied().filter(|number| number.is_finite()).fold(0.0, f64::max);
     let steps = numbers.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0);
-    let is_fast = median(steps).is_some_and(|step| step >= NANOSECONDS_A_ROW);
+    let step = median(steps);
+    let is_fast = step.is_some_and(|step| step >= NANOSECONDS_A_ROW);
+    let is_days = step.is_some_and(|step| step < DAYS_A_ROW) && numbers.iter().all(|x| x.is_nan() || DAYS.contains(x));
     let unit = ["ns", "us", "ms"].into_iter().zip([1e18, 1e15, 1e12]).find(|(_, min)| largest > *min);
-    let unit = unit.map_or(if is_fast { "ns" } else { "s" }, |(unit, _)| unit);
+    let unit = unit.map_or(
+        if is_fast {
+            "ns"
+        } else if is_days {
+            "day"
+        } else {
+            "s"
+        },
+        |(unit, _)| unit,
+    );
     Unit::named(unit).expect("these units are known")
 }
 
@@ -308,6 +338,8 @@ mod tests {
             assert_eq!(split(&format!("a {text}")), ("a", Unit::named(name)), "{text}");
         }
         assert_eq!(split("v1_rad_s"), ("v1", Unit::named("rad_s")));
+        assert_eq!([split("q1_min").1, split("x in").1, split("t / min").1], [None, None, Unit::named("min")]);
+        assert_eq!(split("t [hours]"), ("t", Unit::named("h")));
         assert_eq!(
             [text("a [N·m]"), text("v1_rad_s"), text("v (m/s)"), text("gear")],
             [Some("N·m"), Some("rad_s"), Some("m/s"), None]
@@ -332,6 +364,7 @@ mod tests {
             ("Time [s]", "time", "s"),
             ("q1 [°]", "q1", "deg"),
             ("x [in]", "x", "in"),
+            ("q1 (deg)", "q1", "deg"),
             ("timestamp_ms", "timestamp", "ms"),
             ("time_ns", "time", "ns"),
         ] {
@@ -351,6 +384,8 @@ mod tests {
         assert_eq!(unit(&[1.7e9, 1.7e9 + 0.01]), "s");
         assert_eq!(unit(&[1.7e12, 1.7e12 + 10.0]), "ms");
         assert_eq!(unit(&[1.7e18, 1.7e18 + 1e7]), "ns");
+        // Of a spreadsheet, a row in 0.1 s.
+        assert_eq!(unit(&[45_443.520_833, 45_443.520_834_2, 45_443.520_835_3]), "day");
         // Since the start, 50 rows a second.
         assert_eq!(unit(&[31_951_500_000.0, 31_971_500_000.0]), "ns");
     }

@@ -2,15 +2,16 @@
 //!
 //! | what | how it is found |
 //! | --- | --- |
-//! | separator | tab, semicolon, comma or spaces: with which the lines have as many cells as each other, and the most numbers |
+//! | separator | tab, semicolon, bar, comma or spaces: with which the lines have as many cells as each other, and the most numbers |
 //! | decimal comma | where the separator is none, and numbers have a comma and none a point |
-//! | preamble | lines before the first that has as many cells as most lines |
-//! | comments | lines that begin with `#`, `%` or `//`; the last one before the table is its header where it has as many names |
+//! | preamble | lines before the first that has as many cells as most lines, and lines after the last |
+//! | comments | lines that begin with `#`, `%` or `//`; the last one before the table that has as many names is its header |
 //! | header | first rows with a text where the rows below have numbers; one of them may have the units |
 //! | missing values | empty cells, `nan`, `NA`, `N/A`, `null`, `none`, `?`, dashes |
 //!
-//! Byte order marks, `\r\n`, quotes, a separator after the last cell, and Latin-1 are read as well.
+//! Byte order marks, `\r\n`, quotes, a separator after the last cell, UTF-16 and Latin-1 are read as well.
 
+use crate::foreign;
 use crate::import::clock;
 use crate::import::error::{Fault, Where};
 use crate::import::header::{Names, names};
@@ -37,37 +38,39 @@ pub struct Dialect {
 /// Lines that are looked at to find the separator, and bytes: a line may be the entire file.
 const LINES_TO_LOOK_AT: usize = 64;
 const BYTES_TO_LOOK_AT: usize = 1 << 20;
-const DELIMITERS: [char; 4] = ['\t', ';', ',', ' '];
+const DELIMITERS: [char; 5] = ['\t', ';', '|', ',', ' '];
 
 /// The table of a text file, and what its owner should know.
 pub(crate) fn read(bytes: &[u8], dialect: Dialect, limits: &Limits) -> Result<(Part, Vec<String>), Fault> {
     let mut notes = Vec::new();
     let text = decoded(bytes, &mut notes)?;
     let text = without_lines(&text, dialect.skip_lines.unwrap_or(0));
-    let (body, comment) = without_comments(&text);
+    let (body, comments) = without_comments(&text);
     let delimiter = dialect.delimiter.unwrap_or_else(|| delimiter(&body));
-    let ends_early = !text.ends_with(['\n', '\r']);
+    let ends_early = !text.is_empty() && !text.ends_with(['\n', '\r']);
     let mut rows = rows(&body, delimiter, limits)?;
     if rows.is_empty() {
         return Err(Fault::of_file("no rows: the file is empty, or holds comments alone"));
     }
-    let preamble = preamble(&mut rows, delimiter, dialect.skip_lines.is_none(), &mut notes);
+    let preamble = preamble(&mut rows, delimiter, dialect.skip_lines.is_none(), ends_early, &mut notes)?;
     even(&mut rows, delimiter, ends_early, &mut notes)?;
-    let has_decimal_comma = delimiter != ',' && has_decimal_comma(&rows);
+    let has_decimal_comma = has_decimal_comma(&rows, delimiter);
     if has_decimal_comma {
+        without_thousands(&mut rows, &mut notes);
         rows.iter_mut().flat_map(|row| &mut row.cells).filter(|cell| is_comma_number(cell)).for_each(|cell| {
             *cell = cell.replace(',', ".");
         });
     }
-    let comment = comment.map(|comment| {
-        let by = DELIMITERS.into_iter().chain([delimiter]).map(|delimiter| cells(comment, delimiter));
-        by.filter(|names| names.iter().all(|name| number(name).is_none())).collect()
-    });
-    let Names { names, n_rows } = names(&rows, dialect.has_header, comment.unwrap_or_default());
+    // With the separator of the table before others, and the last one first.
+    let by = [delimiter].into_iter().chain(DELIMITERS);
+    let in_comments = by.flat_map(|by| comments.iter().rev().map(move |comment| cells(comment, by)));
+    let in_comments = in_comments.filter(|names| names.iter().all(|name| number(name).is_none())).collect();
+    let Names { names, n_rows } = names(&rows, dialect.has_header, in_comments);
     rows.drain(..n_rows);
     if rows.is_empty() {
         return Err(Fault::of_file("there is a header and no rows"));
     }
+    with_dates(&mut rows, &names, dialect, &mut notes);
     let mut columns = Vec::with_capacity(names.len());
     let mut epochs_ns = Vec::with_capacity(names.len());
     for (k, (name, unit)) in names.into_iter().enumerate() {
@@ -80,17 +83,58 @@ pub(crate) fn read(bytes: &[u8], dialect: Dialect, limits: &Limits) -> Result<(P
     let kind = format!("table, {}{}", described(delimiter), if has_decimal_comma { ", decimal comma" } else { "" });
     let mut part = Part { kind, shape: vec![rows.len()], columns, lines, ..Part::default() };
     if let Some((k, unit)) = proposal::time_column(&part) {
-        if proposal::is_guessed(&part.columns[k]) && unit.name != "s" {
-            let name = &part.columns[k].name;
+        let Column { name, numbers, .. } = &part.columns[k];
+        // Integers may be of any unit.
+        let are_whole = numbers.len() > 2 && numbers.iter().all(|number| number.fract() == 0.0 || number.is_nan());
+        if epochs_ns[k].is_none() && proposal::is_guessed(&part.columns[k]) && (unit.name != "s" || are_whole) {
+            let other = if unit.name == "s" { "ms" } else { "s" };
             notes.push(format!(
                 "column {name}: its unit is not in the file; by the size of its numbers they are taken as {0}; if they are \
-                 not, give it with --unit '{name}=s'",
+                 not, give it with --unit '{name}={other}'",
                 unit.name
             ));
         }
         part.epoch_ns = epochs_ns[k].or_else(|| clock::from_first(&mut part, k, unit, &mut notes));
+        notes.extend(proposal::time_column(&part).and_then(|(k, _)| steps_back(&part.columns[k])));
+    } else if let Some(column) = part.columns.iter().find(|column| proposal::is_named_time(column)) {
+        let cell = column.first_text().map_or("", |(_, text)| text);
+        notes.push(format!(
+            "column {}: `{cell}` is no number and no date that is read; write times in s, or as 2024-05-31 12:30:00.25",
+            column.name
+        ));
     }
     Ok((part, notes))
+}
+
+/// That time runs back or stands still.
+fn steps_back(column: &Column) -> Option<String> {
+    let count = |of: fn(f64) -> bool| column.numbers.windows(2).filter(|pair| of(pair[1] - pair[0])).count();
+    let (back, same) = (count(|step| step < 0.0), count(|step| step == 0.0));
+    let texts = [(back, "runs back"), (same, "is that of the row before")];
+    let said: Vec<String> =
+        texts.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{what} in {n} rows")).collect();
+    (!said.is_empty()).then(|| format!("column {}: time {}", column.name, said.join(", and ")))
+}
+
+/// Puts the dates of one column before the times of day of another.
+fn with_dates(rows: &mut [Row], names: &[(String, Option<String>)], dialect: Dialect, notes: &mut Vec<String>) {
+    let all = |k: usize, is_meant: &dyn Fn(&str) -> bool| {
+        let mut cells = rows.iter().map(|row| row.cells[k].as_str()).filter(|cell| !is_missing(cell)).peekable();
+        cells.peek().is_some() && cells.all(is_meant)
+    };
+    let is_date = |cell: &str| {
+        [Dates::DayFirst, Dates::MonthFirst].iter().any(|order| time_stamp::date_of(cell, *order).is_some())
+    };
+    let Some(dates) = (0..names.len()).find(|k| all(*k, &is_date)) else { return };
+    let is_of_day = |k: &usize| {
+        let cells = rows.iter().map(|row| Some(row.cells[*k].as_str()).filter(|cell| !is_missing(cell)));
+        *k != dates && matches!(time_stamp::column(cells, dialect.dates), Some(Ok(stamps)) if !stamps.has_date)
+    };
+    let Some(times) = (0..names.len()).find(is_of_day) else { return };
+    for row in rows.iter_mut().filter(|row| !is_missing(&row.cells[times]) && !is_missing(&row.cells[dates])) {
+        row.cells[times] = format!("{} {}", row.cells[dates], row.cells[times]);
+    }
+    notes.push(format!("{} and {} are one time", names[dates].0, names[times].0));
 }
 
 /// The text with its first lines made empty, so that the others keep their numbers.
@@ -105,11 +149,20 @@ fn described(delimiter: char) -> &'static str {
         '\t' => "separated by tabs",
         ';' => "separated by semicolons",
         ' ' => "separated by spaces",
+        '|' => "separated by bars",
         _ => "separated by commas",
     }
 }
 
 fn decoded(bytes: &[u8], notes: &mut Vec<String>) -> Result<String, Fault> {
+    if let Some(text) = foreign::utf_16(bytes) {
+        return Ok(text);
+    }
+    let end = bytes.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
+    if end < bytes.len() && !bytes[..end].contains(&0) {
+        notes.push(format!("the file ends in {} zero bytes, as after a loss of power", bytes.len() - end));
+    }
+    let bytes = &bytes[..end];
     if bytes.contains(&0) {
         return Err(Fault::of_file(
             "no text and no format that is known: CSV, .npy, .npz, .mat, MCAP and ROS 2 bags are read; save it as one of these",
@@ -125,9 +178,9 @@ fn decoded(bytes: &[u8], notes: &mut Vec<String>) -> Result<String, Fault> {
     }
 }
 
-/// The text with comment lines made empty, and the last one before the table.
-fn without_comments(text: &str) -> (String, Option<&str>) {
-    let (mut body, mut comment) = (String::with_capacity(text.len()), None);
+/// The text with comment lines made empty, and those before the table.
+fn without_comments(text: &str) -> (String, Vec<&str>) {
+    let (mut body, mut comments) = (String::with_capacity(text.len()), Vec::new());
     let mut is_before = true;
     // A file of an old Mac has lines that end in a carriage return alone.
     let end = if text.contains('\n') { '\n' } else { '\r' };
@@ -136,7 +189,7 @@ fn without_comments(text: &str) -> (String, Option<&str>) {
         let mark = ["#", "%", "//"].into_iter().find(|mark| start.starts_with(mark));
         match mark {
             Some(mark) => {
-                comment = if is_before { Some(start.trim_start_matches(mark).trim()) } else { comment };
+                comments.extend(is_before.then(|| start.trim_start_matches(mark).trim()));
                 body.push('\n');
             }
             None => {
@@ -145,7 +198,7 @@ fn without_comments(text: &str) -> (String, Option<&str>) {
             }
         }
     }
-    (body, comment)
+    (body, comments)
 }
 
 /// Cells of a line, without quotes in view.
@@ -199,11 +252,43 @@ fn is_comma_number(cell: &str) -> bool {
         && number(&format!("{before}.{behind}")).is_some()
 }
 
-/// Whether more numbers have a comma than a point: a text may have some of either.
-fn has_decimal_comma(rows: &[Row]) -> bool {
+/// Whether more numbers have a comma than a point: a text may have some of either. Between commas the cells are in quotes, and all with
+/// three digits behind the comma may have it between thousands.
+fn has_decimal_comma(rows: &[Row], delimiter: char) -> bool {
     let cells = || rows.iter().flat_map(|row| &row.cells);
+    let is_decimal = |cell: &String| cell.split_once(',').is_some_and(|(_, digits)| digits.len() != 3);
+    if delimiter == ',' && !cells().any(|cell| is_comma_number(cell) && is_decimal(cell)) {
+        return false;
+    }
     let with_comma = cells().filter(|cell| is_comma_number(cell)).count();
     with_comma > cells().filter(|cell| cell.contains('.') && number(cell).is_some()).count()
+}
+
+/// Takes out the points that separate thousands beside decimal commas: `1.234,5`, and `1.234` where no number of its column has a
+/// point elsewhere.
+fn without_thousands(rows: &mut [Row], notes: &mut Vec<String>) {
+    let is_grouped = |cell: &str| {
+        let mut groups = cell.split(',').next().unwrap_or_default().trim_start_matches(['+', '-']).split('.');
+        let digits = |group: &str| group.bytes().all(|byte| byte.is_ascii_digit());
+        let is_first = |group: &str| (1..=3).contains(&group.len()) && !group.starts_with('0') && digits(group);
+        let is_other = |group: &str| group.len() == 3 && digits(group);
+        cell.contains('.') && groups.next().is_some_and(is_first) && groups.all(is_other)
+    };
+    for k in 0..rows.first().map_or(0, |row| row.cells.len()) {
+        let mut with_point = rows
+            .iter()
+            .map(|row| &row.cells[k])
+            .filter(|cell| cell.contains('.') && (number(cell).is_some() || is_grouped(cell)));
+        if let Some(first) = with_point.next().cloned()
+            && is_grouped(&first)
+            && with_point.all(|cell| is_grouped(cell))
+        {
+            rows.iter_mut().map(|row| &mut row.cells[k]).filter(|cell| is_grouped(cell)).for_each(|cell| {
+                *cell = cell.replace('.', "");
+            });
+            notes.push(format!("column {}: points separate thousands, `{first}`", k + 1));
+        }
+    }
 }
 
 /// The rows of a text; they need not be as long as each other.
@@ -233,27 +318,62 @@ fn rows(body: &str, delimiter: char, limits: &Limits) -> Result<Vec<Row>, Fault>
     Ok(rows)
 }
 
-/// Takes the lines off that are before the table: those before the first one that has as many cells as most lines. A line with
-/// one cell more or less is no preamble but a damaged row.
-fn preamble(rows: &mut Vec<Row>, delimiter: char, is_sought: bool, notes: &mut Vec<String>) -> Vec<Row> {
+/// Takes the lines off that are before the table: those before the first one that has as many cells as most lines; and those
+/// after the last one, which are no rows either. A line with one cell more or less is a damaged row.
+fn preamble(
+    rows: &mut Vec<Row>,
+    delimiter: char,
+    is_sought: bool,
+    ends_early: bool,
+    notes: &mut Vec<String>,
+) -> Result<Vec<Row>, Fault> {
     let mut counts = std::collections::BTreeMap::new();
     rows.iter().for_each(|row| *counts.entry(row.cells.len()).or_insert(0) += 1);
     let width = counts.iter().max_by_key(|(width, n)| (**n, **width)).map_or(0, |(width, _)| *width);
-    let n = rows.iter().position(|row| row.cells.len() == width).unwrap_or(0);
     let is_other = |row: &Row| row.cells.len() == 1 || row.cells.len().abs_diff(width) > 1;
-    if !is_sought || n == 0 || width < 2 || !rows[..n].iter().all(is_other) {
-        return Vec::new();
+    let n = rows.iter().position(|row| row.cells.len() == width).unwrap_or(0);
+    let end = rows.iter().rposition(|row| row.cells.len() == width).map_or(0, |last| last + 1);
+    let is_taken = |rows: &[Row]| width > 1 && !rows.is_empty() && rows.iter().all(is_other);
+    // A last row that was cut off is reported as that.
+    if is_taken(&rows[end..]) && (!ends_early || rows.len() - end > 1) {
+        notes.push(not_read(&rows[end..], "after", delimiter));
+        rows.truncate(end);
     }
-    let preamble: Vec<Row> = rows.drain(..n).collect();
-    let first = preamble[0].cells.join(&delimiter.to_string());
+    if !is_sought || !is_taken(&rows[..n]) {
+        return Ok(Vec::new());
+    }
+    // Each number is two cells, or the last name is the first of several: the columns of the names are not known.
+    let are_names = |row: &&Row| {
+        let is_name = |cell: &String| number(cell).is_none() && !cell.is_empty();
+        (2..width).contains(&row.cells.len()) && 2 * row.cells.len() >= width && row.cells.iter().all(is_name)
+    };
+    let has_names = rows[n].cells.iter().all(|cell| number(cell).is_none());
+    if let Some(above) = rows[..n].iter().rfind(are_names).filter(|_| delimiter == ',' && !has_names) {
+        let text = format!(
+            "{} names above rows of {width} cells: if its numbers have decimal commas, save it with semicolons between the \
+             cells; if the line is not of the table, leave it out with --skip-lines {}",
+            above.cells.len(),
+            above.line
+        );
+        return Err(Fault::at(Where::Line(above.line), text));
+    }
+    notes.push(not_read(&rows[..n], "before", delimiter));
+    Ok(rows.drain(..n).collect())
+}
+
+/// That lines are not of the table.
+fn not_read(rows: &[Row], place: &str, delimiter: char) -> String {
+    let first = rows[0].cells.join(&delimiter.to_string());
     let shown: String = first.chars().take(60).collect();
     let dots = if shown.len() < first.len() { "…" } else { "" };
-    notes.push(match n {
-        1 => format!("the line before the table, `{shown}{dots}`, is not read"),
-        _ => format!("{n} lines before the table, from `{shown}{dots}` on, are not read"),
-    });
-    preamble
+    match rows.len() {
+        1 => format!("the line {place} the table, `{shown}{dots}`, is not read"),
+        n => format!("{n} lines {place} the table, from `{shown}{dots}` on, are not read"),
+    }
 }
+
+/// Lines that a table may have before it without a line that says so.
+const MOST_LINES_BEFORE: usize = 8;
 
 /// Makes rows as long as each other. A last row that is short and has no end was cut off and is left out.
 fn even(rows: &mut Vec<Row>, delimiter: char, ends_early: bool, notes: &mut Vec<String>) -> Result<(), Fault> {
@@ -267,12 +387,16 @@ fn even(rows: &mut Vec<Row>, delimiter: char, ends_early: bool, notes: &mut Vec<
     }
     match rows.iter().find(|row| row.cells.len() != width) {
         Some(row) => {
+            let skip = match rows.iter().position(|other| other.line == row.line) {
+                Some(at) if at < MOST_LINES_BEFORE => {
+                    format!(", or leave out the lines before the table with --skip-lines {}", row.line - 1)
+                }
+                _ => String::new(),
+            };
             let text = format!(
-                "{} cells, the first row has {width} ({}); repair the row, name the separator with --delimiter, or leave out \
-                 the lines before the table with --skip-lines {}",
+                "{} cells, the first row has {width} ({}); repair the row, name the separator with --delimiter{skip}",
                 row.cells.len(),
                 described(delimiter),
-                row.line - 1
             );
             Err(Fault::at(Where::Line(row.line), text))
         }
@@ -290,6 +414,20 @@ fn unit_of(name: &str, preamble: &[Row]) -> Option<String> {
     unit.filter(|unit| Unit::named(unit).is_some())
 }
 
+/// Cells without the unit that each of them has after its number, `0.25 sec`, and the unit.
+fn without_units(texts: Vec<String>) -> (Vec<String>, Option<String>) {
+    let parted = |text: &String| {
+        let (value, unit) = text.rsplit_once(' ')?;
+        number(value).and(Unit::named(unit)).map(|_| (value.to_owned(), unit.to_owned()))
+    };
+    let Some((_, unit)) = texts.iter().find(|text| !is_missing(text)).and_then(parted) else { return (texts, None) };
+    let own = |text: &String| {
+        if is_missing(text) { Some(text.clone()) } else { parted(text).filter(|own| own.1 == unit).map(|own| own.0) }
+    };
+    let numbers: Option<Vec<String>> = texts.iter().map(own).collect();
+    numbers.map_or((texts, None), |numbers| (numbers, Some(unit)))
+}
+
 /// A column, and what it counts from where its cells are calendar time, ns since 1970.
 fn column(
     name: String,
@@ -299,7 +437,8 @@ fn column(
     dialect: Dialect,
     notes: &mut Vec<String>,
 ) -> (Column, Option<i64>) {
-    let texts: Vec<String> = rows.iter().map(|row| row.cells[k].clone()).collect();
+    let (texts, of_cells) = without_units(rows.iter().map(|row| row.cells[k].clone()).collect());
+    let unit = unit.or(of_cells);
     let numbers: Vec<f64> = texts.iter().map(|text| number(text).unwrap_or(f64::NAN)).collect();
     let unit = unit.or_else(|| unit::text(&name).map(str::to_owned));
     let column = Column { name, unit, numbers, texts };

@@ -4,7 +4,7 @@ use std::collections::{HashMap, HashSet};
 
 use crate::import::recording::{Row, is_missing, number};
 use crate::import::time_stamp;
-use crate::unit::Unit;
+use crate::unit::{self, Unit};
 
 /// Most rows that a header has.
 const MAX_ROWS: usize = 8;
@@ -39,9 +39,12 @@ pub(crate) fn names(rows: &[Row], has_header: Option<bool>, comments: Vec<Vec<St
         .collect();
     let has_text_for_number =
         |row: &Row| (0..width).any(|k| numeric[k] && !is_missing(&row.cells[k]) && !is_value(&row.cells[k]));
+    let has_number = |row: &Row| (0..width).any(|k| numeric[k] && is_value(&row.cells[k]));
     let has_no_number = |row: &Row| row.cells.iter().all(|cell| !is_value(cell));
     let in_comment = comments.into_iter().find(|names| names.len() == width);
-    let found = rows.iter().take(MAX_ROWS.min(rows.len() - 1)).take_while(|row| has_text_for_number(row)).count();
+    // The first row may have numbers for names; a later one that has some is of the table, and a cell of it has no value.
+    let is_header = |(k, row): &(usize, &Row)| has_text_for_number(row) && (*k == 0 || !has_number(row));
+    let found = rows.iter().take(MAX_ROWS.min(rows.len() - 1)).enumerate().take_while(is_header).count();
     let n_rows = match (has_header, found) {
         (Some(false), _) => 0,
         (Some(true), found) => found.max(1),
@@ -50,13 +53,13 @@ pub(crate) fn names(rows: &[Row], has_header: Option<bool>, comments: Vec<Vec<St
     };
     if n_rows == 0 {
         let named = in_comment.filter(|_| has_header.is_none());
-        let names = named.unwrap_or_else(|| (0..width).map(numbered).collect());
+        let names = distinct(named.unwrap_or_else(|| (0..width).map(numbered).collect()));
         return Names { names: names.into_iter().map(|name| (name, None)).collect(), n_rows };
     }
     let (units, rows): (Vec<&Row>, Vec<&Row>) = rows[..n_rows]
         .iter()
         .enumerate()
-        .map(|(k, row)| (k > 0 && is_units(row), row))
+        .map(|(k, row)| (k > 0 && is_units(row.cells.iter().map(String::as_str)), row))
         .fold((Vec::new(), Vec::new()), |(mut units, mut names), (is_units, row)| {
             if is_units {
                 units.push(row)
@@ -65,9 +68,28 @@ pub(crate) fn names(rows: &[Row], has_header: Option<bool>, comments: Vec<Vec<St
             }
             (units, names)
         });
-    let unit = |k: usize| units.first().map(|row| plain_unit(&row.cells[k]).to_owned()).filter(|unit| !unit.is_empty());
-    let names = joined(&rows, width);
+    let unit =
+        |k: usize| units.first().map(|row| plain_unit(&row.cells[k]).to_owned()).filter(|unit| !is_missing(unit));
+    let names = distinct(joined(&rows, width));
     Names { names: names.into_iter().enumerate().map(|(k, name)| (name, unit(k))).collect(), n_rows }
+}
+
+/// Names that differ, so that each column can be mapped: equal ones get numbers.
+fn distinct(names: Vec<String>) -> Vec<String> {
+    let mut known: HashMap<&String, usize> = HashMap::new();
+    names.iter().for_each(|name| *known.entry(name).or_default() += 1);
+    let (mut counts, mut distinct) = (HashMap::new(), Vec::with_capacity(names.len()));
+    for name in &names {
+        let base = unit::split(name).0;
+        let mut free = name.clone();
+        while known[name] > 1 && known.contains_key(&free) {
+            let count: &mut usize = counts.entry(name).or_default();
+            *count += 1;
+            free = format!("{base}_{count}{}", &name[base.len()..]);
+        }
+        distinct.push(free);
+    }
+    distinct
 }
 
 /// The name of a column without one: its number from 1.
@@ -79,10 +101,11 @@ fn plain_unit(cell: &str) -> &str {
     cell.trim_matches(['[', ']', '(', ')'])
 }
 
-/// Whether all cells with a value are units.
-fn is_units(row: &Row) -> bool {
-    let mut given = row.cells.iter().filter(|cell| !is_missing(cell)).peekable();
-    given.peek().is_some() && given.all(|cell| Unit::named(plain_unit(cell)).is_some())
+/// Whether most cells with a value are units: some may be of no quantity that is converted, such as `%`.
+pub(crate) fn is_units<'a>(cells: impl Iterator<Item = &'a str>) -> bool {
+    let count = |(units, n), cell| (units + usize::from(Unit::named(plain_unit(cell)).is_some()), n + 1);
+    let (units, n) = cells.filter(|cell| !is_missing(cell)).fold((0, 0), count);
+    2 * units > n
 }
 
 /// Names of columns from several rows: that of the lowest row, after those of other rows where columns have the same one.

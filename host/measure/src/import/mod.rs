@@ -13,7 +13,7 @@ mod array;
 mod clock;
 mod delimited;
 mod error;
-mod header;
+pub(crate) mod header;
 pub mod join;
 pub mod map_file;
 pub mod mapping;

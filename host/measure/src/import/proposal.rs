@@ -5,7 +5,7 @@ use crate::import::recording::{Column, Part, Recording};
 use crate::unit::{self, Unit};
 
 /// Names of time, in small letters without unit.
-const TIMES: [&str; 20] = [
+const TIMES: [&str; 15] = [
     "time",
     "t",
     "stamp",
@@ -15,11 +15,6 @@ const TIMES: [&str; 20] = [
     "tout",
     "elapsed",
     "elapsed_time",
-    "sec",
-    "seconds",
-    "nsec",
-    "nanosec",
-    "usec",
     "zeit",
     "zeitstempel",
     "datetime",
@@ -90,16 +85,53 @@ const OWN: [(&str, &str); 30] = [
     ("held_out", ""),
 ];
 
+/// Words of a name that may be time: where no column is called so alone, one of them whose numbers only increase.
+const TIME_WORDS: [&str; 8] = ["time", "timestamp", "stamp", "ts", "unix", "epoch", "clock", "zeit"];
+
 /// The column of time of a part, and its unit.
 pub fn time_column(part: &Part) -> Option<(usize, Unit)> {
-    part.columns.iter().enumerate().find_map(|(k, column)| Some((k, time_unit(column)?)))
+    let found = |unit: fn(&Column) -> Option<Unit>| {
+        part.columns.iter().enumerate().find_map(|(k, column)| Some((k, unit(column)?)))
+    };
+    found(time_unit).or_else(|| found(increasing_unit))
 }
 
 /// The unit of a column that is time by its name.
 pub(crate) fn time_unit(column: &Column) -> Option<Unit> {
     let (base, unit) = time_name(column);
     let unit = unit.unwrap_or_else(|| unit::of_times(&column.numbers));
-    (TIMES.contains(&base.as_str()) && unit.dimension() == "time" && column.is_numeric()).then_some(unit)
+    (is_time(&base) && unit.dimension() == "time" && column.is_mostly_numeric()).then_some(unit)
+}
+
+/// The unit of a column that may be time by its name or unit, and whose numbers only increase.
+fn increasing_unit(column: &Column) -> Option<Unit> {
+    let (base, unit) = time_name(column);
+    if unit.is_none() && unit::in_brackets(&column.name).is_some() {
+        return None;
+    }
+    increasing_time(&base, unit, &column.numbers)
+}
+
+/// The unit of numbers that may be time by their name or unit, and only increase: a duration does not.
+pub(crate) fn increasing_time(base: &str, unit: Option<Unit>, numbers: &[f64]) -> Option<Unit> {
+    let mut words = base.split(|c: char| !c.is_alphanumeric());
+    let unit = match unit {
+        Some(unit) => Some(unit).filter(|unit| unit.dimension() == "time"),
+        None => words.any(|word| TIME_WORDS.contains(&word)).then(|| unit::of_times(numbers)),
+    };
+    let mut steps = numbers.windows(2).map(|pair| pair[1] - pair[0]);
+    unit.filter(|_| numbers.len() > 2 && steps.all(|step| step > 0.0))
+}
+
+/// Whether a name without prefix and unit is one of time: a unit alone is, but for those of one letter or in brackets.
+fn is_time(base: &str) -> bool {
+    let is_unit = || unit::split(&format!("_ {base}")).1.is_some_and(|unit| unit.dimension() == "time");
+    TIMES.contains(&base) || base.len() > 3 && is_unit() || base == "sec"
+}
+
+/// Whether a column is called time and has texts.
+pub(crate) fn is_named_time(column: &Column) -> bool {
+    is_time(&time_name(column).0) && !column.is_mostly_numeric()
 }
 
 /// Whether the unit of a column of time is neither in the file nor in its name.
@@ -111,6 +143,8 @@ pub(crate) fn is_guessed(column: &Column) -> bool {
 fn time_name(column: &Column) -> (String, Option<Unit>) {
     let (base, unit) = unit::split(&column.name);
     let base = base.rsplit(['/', '.']).next().unwrap_or(base).to_lowercase().replace(' ', "_");
+    // `__time` of PlotJuggler, `%time` of rostopic.
+    let base = base.trim_matches(|c: char| !c.is_alphanumeric()).to_owned();
     // The unit of a column such as `sec` is its name.
     let unit = Unit::named(column.unit.as_deref().unwrap_or("")).or(unit).or_else(|| Unit::named(&base));
     (base, unit)
@@ -136,7 +170,10 @@ pub fn propose(recording: &Recording, units: &[(String, Unit)]) -> Mapping {
                 let of_pose =
                     pose.iter().find(|(column, ..)| *column == k).map(|(_, name, unit)| ((*name).to_owned(), *unit));
                 let (name, needed) = of_pose.unwrap_or_else(|| meaning(part, column, &zero_based));
-                let unit = known.unit_of(column).map(Unit::written).or_else(|| Unit::named(needed));
+                let unit = known
+                    .unit_of(column)
+                    .map(Unit::written)
+                    .or_else(|| Unit::named(needed).filter(|_| column.unit.is_none()));
                 let numeric = unit.filter(|_| column.is_mostly_numeric());
                 let target = numeric.map_or(name.clone(), |unit| format!("{name}_{}", unit.name));
                 add(&mut mapping, target, column, Scale::OfFile);

@@ -1,11 +1,10 @@
 //! Reading of a file or folder, by what its bytes begin with.
 
-use std::io::Read as _;
 use std::path::Path;
 
+use crate::csv::expanded;
 use crate::foreign;
 use darm_robot::files::{FileRef, Limits};
-use flate2::read::MultiGzDecoder;
 
 pub use crate::import::delimited::Dialect;
 
@@ -30,19 +29,21 @@ pub fn read<'a>(file: impl Into<FileRef<'a>>, dialect: Dialect) -> Result<Record
         return ros::log::read(&logs, &limits).map(recording).map_err(|fault| fault.in_file(path));
     }
     let mut bytes = load(path)?;
+    let mut is_cut = false;
     if bytes.starts_with(&[0x1f, 0x8b]) {
-        let mut expanded = Vec::new();
-        let read = MultiGzDecoder::new(&bytes[..]).take(limits.bytes + 1).read_to_end(&mut expanded);
-        read.map_err(|error| ImportError::new(path, "", format!("cannot be expanded ({error}): the file is damaged")))?;
-        if expanded.len() as u64 > limits.bytes {
-            return Err(ImportError::new(path, "", limits.too_large()));
+        let damaged = |error| ImportError::new(path, "", format!("cannot be expanded ({error}): the file is damaged"));
+        (bytes, is_cut) = expanded(&bytes, &limits).map_err(damaged)?;
+        if is_cut {
+            let end = bytes.iter().rposition(|byte| *byte == b'\n').map_or(0, |at| at + 1);
+            bytes.truncate(end);
         }
-        bytes = expanded;
     }
     if let Some(fault) = foreign::unread(path, &bytes) {
         return Err(ImportError::new(path, "", fault));
     }
-    parts(path, bytes, dialect, &limits).map(recording).map_err(|fault| fault.in_file(path))
+    let (parts, mut notes) = parts(path, bytes, dialect, &limits).map_err(|fault| fault.in_file(path))?;
+    notes.extend(is_cut.then(|| "the file ends early; its complete rows are read".to_owned()));
+    Ok(recording((parts, notes)))
 }
 
 /// Why a MAT-file cannot be read; `None` of one that can be, and of any other file.

@@ -57,12 +57,13 @@ impl Column {
         self.texts.iter().enumerate().find(is_text).map(|(row, text)| (row, text.as_str()))
     }
 
-    /// The cells that are neither missing nor a number, of few beside numbers: `ERR`, `overflow`.
+    /// The cells that are neither missing nor a number, of few beside numbers: `ERR`, `overflow`. More are states.
     pub(crate) fn stray(&self) -> Vec<&str> {
         let is_text = |(row, text): &(usize, &String)| self.numbers[*row].is_nan() && !is_missing(text);
         let stray: Vec<&str> = self.texts.iter().enumerate().filter(is_text).map(|(_, text)| text.as_str()).collect();
-        // Fewer than one in ten: more are states.
-        if 10 * stray.len() <= self.n_values() { stray } else { Vec::new() }
+        // A column whose name has a unit has no states.
+        let share = if self.unit.is_some() { 2 } else { 10 };
+        if share * stray.len() <= self.n_values() { stray } else { Vec::new() }
     }
 
     /// Whether all cells with a value are numbers, but for a few strays.
@@ -108,12 +109,17 @@ impl Part {
     }
 }
 
-/// Whether a cell of a text file has no value.
+/// Whether a cell of a text file has no value: words of programs for it, no number of the C library, errors of spreadsheets.
 pub(crate) fn is_missing(cell: &str) -> bool {
+    const WORDS: [&str; 14] =
+        ["nan", "na", "n/a", "n.a.", "#n/a", "<na>", "null", "none", "nil", "nat", "missing", "undefined", "?", "."];
     let cell = cell.trim().to_ascii_lowercase();
     // Of any length: programs fill the width of a column.
     let is_dashes = cell.chars().all(|c| matches!(c, '-' | '–' | '—'));
-    is_dashes || ["nan", "na", "n/a", "n.a.", "#n/a", "null", "none", "nil", "?"].contains(&cell.as_str())
+    let size = cell.trim_start_matches(['+', '-']);
+    let is_of_c = size.starts_with("nan(") || size.starts_with("1.#") || size == "nan";
+    let is_error = cell.strip_prefix('#').is_some_and(|word| word.ends_with(['!', '?']) && !word.contains(' '));
+    is_dashes || is_of_c || is_error || WORDS.contains(&cell.as_str())
 }
 
 /// A row of cells and its line.
@@ -122,7 +128,14 @@ pub(crate) struct Row {
     pub(crate) cells: Vec<String>,
 }
 
-/// A number as text; `inf` and `nan` are numbers, digits with other signs between are not.
+/// A number as text; `inf` and `nan` are numbers, digits with other signs between are not. A minus may be that of typesetting, and
+/// the exponent of Fortran, `1.5D+00`.
 pub(crate) fn number(cell: &str) -> Option<f64> {
-    cell.trim().parse().ok()
+    let cell = cell.trim();
+    cell.parse().ok().or_else(|| {
+        let is_plain =
+            cell.chars().all(|c| c.is_ascii_digit() || matches!(c, '+' | '-' | '\u{2212}' | '.' | 'D' | 'E' | 'e'));
+        let is_one = is_plain && (cell.contains('\u{2212}') || cell.contains('.') && cell.contains('D'));
+        is_one.then(|| cell.replace('\u{2212}', "-").replace('D', "e").parse().ok())?
+    })
 }

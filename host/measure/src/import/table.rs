@@ -66,7 +66,12 @@ impl Table {
         let found = mapping.resolve(recording).map_err(|text| fault(Where::File, text))?;
         let is_time = |found: &&Found| Unit::of_target(&found.target).is_some_and(|unit| unit.dimension() == "time");
         let Some(base) = found.iter().find(is_time).or(found.first()).map(|found| found.part) else {
-            return Err(fault(Where::File, "nothing is mapped: give --column TARGET=SOURCE".into()));
+            let unread = recording.parts.iter().filter(|part| part.columns.is_empty()).map(described);
+            let text = match unread.collect::<Vec<_>>() {
+                unread if unread.is_empty() => "nothing is mapped: give --column TARGET=SOURCE".into(),
+                unread => format!("nothing in it is read: {}; record or save it in another form", unread.join(", ")),
+            };
+            return Err(fault(Where::File, text));
         };
         let n = base.n_rows();
         if n == 0 {
@@ -89,11 +94,25 @@ impl Table {
         Ok(Self { about, names, rows: (0..n).map(row).collect(), notes })
     }
 
+    /// The parts of a recording from which a mapping takes nothing, in one sentence.
+    pub fn left_out(recording: &Recording, mapping: &Mapping) -> Option<String> {
+        let is_taken = |part: &&Part| {
+            part.columns.iter().any(|column| mapping.entries.iter().any(|entry| entry.source == column.name))
+        };
+        let parts: Vec<String> = recording.parts.iter().filter(|part| !is_taken(part)).map(described).collect();
+        (!parts.is_empty()).then(|| format!("not in the table: {}", parts.join(", ")))
+    }
+
     /// The table as comma-separated text, after its comment lines.
     pub fn text(&self) -> String {
         let about: String = self.about.iter().map(|(key, value)| format!("# {key} {value}\n")).collect();
         about + &csv_text(std::iter::once(&self.names).chain(&self.rows))
     }
+}
+
+/// A part and its kind.
+pub(crate) fn described(part: &Part) -> String {
+    format!("{} ({})", part.shown(), part.kind)
 }
 
 /// Cells of a column: numbers, or the texts that a file has.

@@ -2,13 +2,14 @@
 //!
 //! | date | read as |
 //! | --- | --- |
-//! | `2024-05-31`, `2024/05/31` | year, month, day (ISO 8601) |
+//! | `2024-05-31`, `2024/05/31`, `20240531` | year, month, day (ISO 8601) |
 //! | `31.05.2024` | day, month, year |
+//! | `31-May-2024`, `May 31, 2024`, `Fri May 31 … 2024` | the month by its name in English |
 //! | `5/31/2024`, `31-05-2024` | by [`Dates`]: which of day and month is first is not in the text |
 //! | none | time of day, which a next day continues |
 //!
-//! The time is `12:30`, `12:30:00.25`, `12:30:00,25` or, after a date, `12.30.00.25`; `AM` or `PM` may follow, or `Z` or
-//! `+02:00`. Without a zone it is UTC.
+//! The time is `12:30`, `12:30:00.25`, `12:30:00,25`, `12:30:00:250` or, after a date, `12.30.00.25`; `AM` or `PM` may follow, or
+//! `Z`, `UTC` or `+02:00`. Without a zone it is UTC.
 
 const NS: i64 = 1_000_000_000;
 const DAY_NS: i64 = 86_400 * NS;
@@ -94,50 +95,110 @@ struct Stamp {
 }
 
 fn parse(text: &str, dates: Dates) -> Option<Stamp> {
-    let text = text.trim();
-    let (text, half) = match text.get(text.len().checked_sub(2)?..)?.to_ascii_uppercase().as_str() {
-        "AM" => (text[..text.len() - 2].trim_end(), Some(0)),
-        "PM" => (text[..text.len() - 2].trim_end(), Some(12)),
-        _ => (text, None),
+    let text = without_zone_name(text.trim());
+    let (text, half) = half_of_day(text);
+    // The clock begins with the digits before its first colon; without one it is after a date.
+    let at = match text.find(':') {
+        Some(colon) => text[..colon].rfind(|c: char| !c.is_ascii_digit()).map_or(0, |before| before + 1),
+        None => text.find([' ', 'T'])? + 1,
     };
-    let (date, clock) = match text.split_once([' ', 'T']) {
-        Some((date, clock)) => (Some(date), clock.trim_start()),
-        None => (None, text),
+    let (date, clock) = (text.get(..at)?.trim_end_matches([' ', 'T', '/', '_', ',']), text.get(at..)?.trim_start());
+    if let Some(stamp) = compact(date, clock) {
+        return Some(stamp);
+    }
+    let (clock, year) = match clock.split_once(' ') {
+        // `Fri May 31 12:30:00 2024`
+        Some((clock, year)) if year.len() == 4 && year.bytes().all(|byte| byte.is_ascii_digit()) => (clock, year),
+        _ => (clock, ""),
     };
     let (clock, ahead_s) = match clock.find(['+', '-', 'Z']) {
-        Some(at) => (&clock[..at], zone_s(&clock[at..])?),
+        Some(at) => (clock[..at].trim_end(), zone_s(&clock[at..])?),
         None => (clock, 0),
     };
-    let of_day = clock_ns(clock, date.is_some(), half)? - ahead_s * NS;
-    match date {
-        None => Some(Stamp { ns: of_day, has_date: false }),
-        Some(date) => {
-            let ns = days(date_of(date, dates)?).checked_mul(DAY_NS)?.checked_add(of_day)?;
-            Some(Stamp { ns, has_date: true })
-        }
+    // A number of days, as of a duration of pandas.
+    let n_days = date.strip_suffix("days").or_else(|| date.strip_suffix("day")).and_then(|n| n.trim().parse().ok());
+    if date.is_empty() || n_days.is_some() {
+        let of_day = clock_ns(clock, false, half)?.checked_add(DAY_NS.checked_mul(n_days.unwrap_or(0))?)?;
+        return Some(Stamp { ns: of_day - ahead_s * NS, has_date: false });
+    }
+    let of_day = clock_ns(clock, true, half)? - ahead_s * NS;
+    let ns = days(date_of(&format!("{date} {year}"), dates)?).checked_mul(DAY_NS)?.checked_add(of_day)?;
+    Some(Stamp { ns, has_date: true })
+}
+
+/// The text without the name of UTC or of a place at its end; other names of zones have no one meaning.
+fn without_zone_name(text: &str) -> &str {
+    let place = text.strip_suffix(']').and_then(|rest| rest.rsplit_once('['));
+    let text = place.map_or(text, |(text, _)| text);
+    text.strip_suffix("UTC").or_else(|| text.strip_suffix("GMT")).map_or(text, str::trim_end)
+}
+
+/// The text without AM or PM, and the hours that they add.
+fn half_of_day(text: &str) -> (&str, Option<i64>) {
+    let end = text.char_indices().rev().find(|(_, c)| c.is_ascii_digit()).map_or(0, |(at, _)| at + 1);
+    let letters: String = text[end..].chars().filter(char::is_ascii_alphabetic).collect();
+    match letters.to_ascii_uppercase().as_str() {
+        "AM" => (&text[..end], Some(0)),
+        "PM" => (&text[..end], Some(12)),
+        _ => (text, None),
     }
 }
 
+/// `20240531T123000.25Z`, the basic form of ISO 8601.
+fn compact(date: &str, clock: &str) -> Option<Stamp> {
+    let is_digits = |text: &str, n: usize| text.len() == n && text.bytes().all(|byte| byte.is_ascii_digit());
+    let digits = clock.trim_end_matches('Z');
+    let (time, fraction) = digits.split_once(['.', ',']).unwrap_or((digits, "0"));
+    if !is_digits(date, 8) || !is_digits(time, 6) {
+        return None;
+    }
+    let date = format!("{}-{}-{}", &date[..4], &date[4..6], &date[6..]);
+    let clock = format!("{}:{}:{}.{fraction}", &time[..2], &time[2..4], &time[4..]);
+    let ns = days(date_of(&date, Dates::DayFirst)?).checked_mul(DAY_NS)?.checked_add(clock_ns(&clock, true, None)?)?;
+    Some(Stamp { ns, has_date: true })
+}
+
+/// The first three letters of the months in English, as programs write them in every country.
+const MONTHS: &str = "janfebmaraprmayjunjulaugsepoctnovdec";
+
+/// The month that a word names.
+fn month(word: &str) -> Option<i64> {
+    let start = word.get(..3)?.to_ascii_lowercase();
+    let at = MONTHS.find(&start).filter(|at| at % 3 == 0)?;
+    Some(at as i64 / 3 + 1)
+}
+
 /// Year, month and day.
-fn date_of(text: &str, dates: Dates) -> Option<[i64; 3]> {
-    let mark = text.chars().find(|c| matches!(c, '-' | '/' | '.'))?;
-    let mut parts = text.split(mark);
-    let (a, b, c) = (parts.next()?, parts.next()?, parts.next()?);
+pub(crate) fn date_of(text: &str, dates: Dates) -> Option<[i64; 3]> {
+    let mark = text.trim().chars().find(|c| matches!(c, '-' | '/' | '.' | ' '))?;
+    let words: Vec<&str> = text.split([mark, ' ', ',']).filter(|word| !word.is_empty()).collect();
+    // A day of the week before a month that has a name.
+    let is_weekday = |word: &&str| ["mon", "tue", "wed", "thu", "fri", "sat", "sun"].contains(word);
+    let first = words.first()?.to_ascii_lowercase();
+    let words = if words.len() == 4 && is_weekday(&first.get(..3)?) { &words[1..] } else { &words[..] };
+    let [a, b, c] = words[..] else { return None };
     let number = |part: &str| part.bytes().all(|byte| byte.is_ascii_digit()).then(|| part.parse::<i64>().ok())?;
-    let [first, second, third] = [number(a)?, number(b)?, number(c)?];
-    let date = match (a.len(), c.len(), mark) {
-        (4, ..) if mark != '.' => [first, second, third],
-        (_, 4, '.') => [third, second, first],
-        (_, 4, _) if dates == Dates::DayFirst => [third, second, first],
-        (_, 4, _) => [third, first, second],
-        _ => return None,
+    let date = match (month(a), month(b)) {
+        (Some(month), _) => [number(c)?, month, number(b)?],
+        (_, Some(month)) if a.len() == 4 => [number(a)?, month, number(c)?],
+        (_, Some(month)) if c.len() == 4 => [number(c)?, month, number(a)?],
+        _ => {
+            let [first, second, third] = [number(a)?, number(b)?, number(c)?];
+            match (a.len(), c.len(), mark) {
+                (4, ..) => [first, second, third],
+                (_, 4, '.') => [third, second, first],
+                (_, 4, '-' | '/') if dates == Dates::DayFirst => [third, second, first],
+                (_, 4, '-' | '/') => [third, first, second],
+                _ => return None,
+            }
+        }
     };
     let [year, month, day] = date;
-    let is_date = parts.next().is_none() && (1900..2200).contains(&year) && (1..=12).contains(&month);
+    let is_date = (1900..2200).contains(&year) && (1..=12).contains(&month);
     (is_date && (1..=31).contains(&day)).then_some(date)
 }
 
-/// Time of day, ns. Without a date it needs seconds, and colons: `12.5` is a number.
+/// Time of day, ns. Without a date it needs seconds, and colons: `12.5` is a number; and it may be a duration of more than a day.
 fn clock_ns(text: &str, has_date: bool, half: Option<i64>) -> Option<i64> {
     let mark = if text.contains(':') { ':' } else { '.' };
     if mark == '.' && !has_date {
@@ -152,7 +213,13 @@ fn clock_ns(text: &str, has_date: bool, half: Option<i64>) -> Option<i64> {
     if seconds.is_none() && !has_date {
         return None;
     }
-    let (seconds, fraction) = seconds.unwrap_or("0").split_once(['.', ',']).unwrap_or((seconds.unwrap_or("0"), ""));
+    // `12:30:00:250` has milliseconds; two digits there are frames of a camera.
+    let seconds = seconds.unwrap_or("0");
+    let (seconds, fraction) = match seconds.split_once(':') {
+        Some((_, digits)) if digits.len() < 3 => return None,
+        Some(pair) => pair,
+        None => seconds.split_once(['.', ',']).unwrap_or((seconds, "")),
+    };
     let seconds = digits_of(seconds)?;
     let digits: String = fraction.chars().chain("000000000".chars()).take(9).collect();
     let fraction: i64 =
@@ -162,11 +229,12 @@ fn clock_ns(text: &str, has_date: bool, half: Option<i64>) -> Option<i64> {
         Some(_) => return None,
         None => hours,
     };
-    let is_clock = hours < 24 && minutes < 60 && seconds < 61;
+    let is_clock = (hours < 24 || !has_date) && minutes < 60 && seconds < 61;
     is_clock.then_some(((hours * 60 + minutes) * 60 + seconds) * NS + fraction)
 }
 
 fn zone_s(text: &str) -> Option<i64> {
+    let text = text.trim();
     if text == "Z" {
         return Some(0);
     }

@@ -132,7 +132,72 @@ fn rows_that_do_not_fit_are_reported_with_their_line() {
     assert_eq!((cut.parts[0].shape[0], cut.notes.len()), (2, 1));
     let latin = recording(b"winkel [\xb0],b\n1,2\n").unwrap();
     assert_eq!(latin.parts[0].columns[0].unit.as_deref(), Some("°"));
-    assert!(recording(&[0xff, 0xfe, b'a', 0]).unwrap_err().contains("UTF-16"));
+    for (big, mark) in [(false, "\u{feff}"), (true, "\u{feff}"), (false, ""), (true, "")] {
+        let units = format!("{mark}winkel [°]\tb\r\n1,5\t2\r\n");
+        let bytes = units.encode_utf16().flat_map(|unit| if big { unit.to_be_bytes() } else { unit.to_le_bytes() });
+        let wide = recording(&bytes.collect::<Vec<u8>>()).unwrap();
+        assert_eq!((wide.parts[0].columns[0].unit.as_deref(), wide.parts[0].columns[0].numbers[0]), (Some("°"), 1.5));
+    }
+}
+
+#[test]
+fn lines_after_the_table_are_left_out_with_a_note() {
+    let (_, numbers, notes) = columns("t,a,b,c\n0,1,2,3\n1,2,3,4\n\nEnd of file\nTotal,2\n");
+    assert_eq!(
+        (numbers[0].len(), notes),
+        (2, vec!["2 lines after the table, from `End of file` on, are not read".into()])
+    );
+}
+
+#[test]
+fn zero_bytes_at_the_end_are_left_out_with_a_note() {
+    let (_, numbers, notes) = columns("t,a\n0.5,1\n1.5,2\n2.\0\0\0");
+    assert_eq!((numbers[0].len(), notes.len()), (2, 2), "{notes:?}");
+}
+
+#[test]
+fn decimal_commas_between_commas_are_refused_with_a_cure() {
+    let error = recording(b"time_s,q1_deg\n0,01,1,5\n0,02,1,6\n0,03,1,7\n").unwrap_err();
+    assert!(error.starts_with("log.csv:1: 2 names above rows of 4 cells") && error.contains("semicolons"), "{error}");
+}
+
+#[test]
+fn a_header_is_one_row_above_a_cell_without_a_number_and_may_be_any_comment() {
+    let (names, numbers, _) = columns("time_s,q1_deg\n0,OVR\n1,2\n2,OVR\n3,4\n4,5\n");
+    assert_eq!((names, numbers[0].len()), (vec!["time_s".to_owned(), "q1_deg".into()], 5));
+    let (names, ..) = columns("# time_s,q1_deg\n# robot: arm\n0,1\n1,2\n");
+    assert_eq!(names, ["time_s", "q1_deg"]);
+}
+
+#[test]
+fn numbers_are_read_with_units_quotes_bars_and_other_signs() {
+    let table = converted("time,q1\n0.5 sec,1.5 deg\n1.0 sec,2.5 deg\n");
+    assert_eq!((table.names, table.rows[1].join(" ")), (vec!["time_s".into(), "q1_deg".into()], "1 2.5".into()));
+    let (_, numbers, _) = columns("\"t\",\"a\"\n\"0,5\",\"1,25\"\n\"1,0\",\"2,5\"\n");
+    assert_eq!(numbers, [[0.5, 1.0], [1.25, 2.5]]);
+    // Quoted thousands are no decimal commas.
+    let (_, numbers, _) = columns("t,a\n1,\"1,250\"\n2,\"2,500\"\n");
+    assert!(numbers[1][0].is_nan());
+    let (_, numbers, _) = columns("t|a\n1.5D+00|\u{2212}2.5\n2.5D+00|\u{2212}3\n");
+    assert_eq!(numbers, [[1.5, 2.5], [-2.5, -3.0]]);
+}
+
+#[test]
+fn points_beside_decimal_commas_separate_thousands() {
+    let (_, numbers, notes) = columns("t;a;b\n0,5;900;1.234,5\n1,0;1.001;2,5\n1,5;12.002;3,25\n");
+    assert_eq!(numbers[1..], [[900.0, 1001.0, 12002.0], [1234.5, 2.5, 3.25]]);
+    assert_eq!(notes.len(), 2, "{notes:?}");
+    let (_, numbers, _) = columns("t;a;b\n0.025;1,5;1,5\n1.025;1,6;2,5\n2.050;1,7;3,25\n");
+    assert_eq!(numbers[0], [0.025, 1.025, 2.05]);
+}
+
+#[test]
+fn a_row_of_units_may_have_some_that_are_not_known_and_equal_names_get_numbers() {
+    let text = "time,q1,q1,duty,mode\ns,deg,deg,%,-\n0,1,2,3,4\n1,2,3,4,5\n";
+    let table = converted(text);
+    assert_eq!(table.names, ["time_s", "q1_1_deg", "q1_2_deg", "duty", "mode"]);
+    let columns = recording(text.as_bytes()).unwrap().parts.remove(0).columns;
+    assert_eq!((columns[2].name.as_str(), columns[3].unit.as_deref()), ("q1_2", Some("%")));
 }
 
 fn columns(text: &str) -> (Vec<String>, Vec<Vec<f64>>, Vec<String>) {
@@ -221,6 +286,65 @@ fn time_since_1970_counts_from_the_first_row_by_nanoseconds() {
     assert!(simulated.notes[0].contains("they are taken as ns"), "{:?}", simulated.notes);
     let asked = recording(b"stamp;q1_deg\n1/5/2024 13:02:03;0\n1/6/2024 13:02:03;1\n").unwrap();
     assert!(asked.notes[0].contains("--dates day-first"), "{:?}", asked.notes);
+}
+
+#[test]
+fn time_is_found_by_what_its_numbers_do() {
+    let converted_of = |head: &str, times: [&str; 4]| {
+        let rows: String = times.iter().zip(1..).map(|(time, k)| format!("{time},{k}\n")).collect();
+        converted(&format!("{head},q1_deg\n{rows}"))
+    };
+    for (head, times) in [
+        ("__time", ["1717158600.5", "1717158600.6", "1717158600.7", "1717158600.8"]),
+        ("time [h]", ["0.25", "0.250027777778", "0.250055555556", "0.250083333333"]),
+        ("time", ["45443.520833333333", "45443.520834490741", "45443.520835648148", "45443.520836805556"]),
+        ("unix_time", ["1717158600.5", "1717158600.6", "1717158600.7", "1717158600.8"]),
+        ("tick_ms", ["500", "600", "700", "800"]),
+        (".header.stamp.nsecs", ["500000000", "600000000", "700000000", "800000000"]),
+        (
+            "stamp",
+            ["31-May-2024 23:59:59.9", "01-Jun-2024 00:00:00.0", "01-Jun-2024 00:00:00.1", "01-Jun-2024 00:00:00.2"],
+        ),
+        ("stamp", ["20240531T235959.9Z", "20240601T000000.0Z", "20240601T000000.1Z", "20240601T000000.2Z"]),
+        ("stamp", ["2024/05/31/23:59:59.9", "2024/06/01/00:00:00.0", "2024/06/01/00:00:00.1", "2024/06/01/00:00:00.2"]),
+        (
+            "Date,Time",
+            ["31.05.2024,23:59:59.9", "01.06.2024,00:00:00.0", "01.06.2024,00:00:00.1", "01.06.2024,00:00:00.2"],
+        ),
+    ] {
+        let table = converted_of(head, times);
+        let at =
+            table.names.iter().position(|name| name == "time_s").unwrap_or_else(|| panic!("{head}: {:?}", table.names));
+        let time = |row: usize| table.rows[row][at].parse::<f64>().unwrap();
+        assert!((time(3) - time(0) - 0.3).abs() < 1e-5, "{head}: {:?}", table.rows);
+    }
+    let whole = recording(b"t,q1_deg\n0,1\n25,2\n50,3\n").unwrap();
+    assert!(whole.notes[0].contains("taken as s; if they are not, give it with --unit 't=ms'"), "{:?}", whole.notes);
+    assert_eq!(converted_of("time [fortnight]", ["1", "2", "3", "4"]).names[0], "time_fortnight");
+    // A duration does not increase row by row.
+    assert_eq!(converted_of("stroke_time_ms", ["31", "29", "30", "33"]).names[0], "stroke_time_ms");
+    // Two clocks are not one time.
+    let table = converted("stamp_s,elapsed_ms\n1717158600,0\n1717158600,300\n1717158601,600\n1717158601,900\n");
+    assert_eq!(table.names.len(), 2, "{:?}", table.names);
+    // The parts may be first.
+    let table = converted("nsec,sec,q1_deg\n900000000,5,1\n950000000,5,2\n0,6,3\n");
+    assert_eq!((table.names[0].as_str(), table.rows[2][0].as_str()), ("time_s", "6"));
+    let text = recording(b"time;q1_deg\n1.23:59:00;1\n1.23:59:01;2\n").unwrap();
+    assert!(text.notes[0].contains("`1.23:59:00` is no number and no date that is read"), "{:?}", text.notes);
+    let back = recording(b"time_s,q1_deg\n0,1\n1,2\n1,3\n0,4\n").unwrap();
+    assert_eq!(back.notes, ["column time_s: time runs back in 1 rows, and is that of the row before in 1 rows"]);
+}
+
+#[test]
+fn words_for_a_missing_value_are_empty_cells() {
+    for word in ["#N/A", "<NA>", "#DIV/0!", "#NAME?", "1.#QNAN", "-nan(ind)", "NaT", ".", "missing"] {
+        let rows: String = (0..6).map(|k| format!("{k},{}\n", if k % 3 == 1 { word } else { "0.5" })).collect();
+        let table = converted(&format!("time_s,q1_deg\n{rows}"));
+        assert_eq!((table.names[1].as_str(), table.rows[1][1].as_str()), ("q1_deg", ""), "{word}");
+    }
+    // A column with a unit has numbers, where most are.
+    let table = converted("time_s,q1_deg\n0,1\n1,OVR\n2,3\n3,OVR\n4,5\n");
+    assert_eq!((table.names[1].as_str(), table.rows[1][1].as_str()), ("q1_deg", ""));
 }
 
 #[test]

@@ -53,6 +53,7 @@ fn formats_that_are_not_read_have_a_cure() {
         ("a.db3", b"SQLite format 3\0", "ros2 bag convert"),
         ("a.bag", b"#ROSBAG V2.0\n", "rosbags-convert"),
         ("a.bin", &[1, 0, 2, 0], "no format that is known"),
+        ("a.zip", b"PK\x03\x04 log.csv", "unzip"),
         ("a.mcap", b"\x89MCAP", "does not begin as an MCAP log"),
     ] {
         let error = reported(name, bytes, &[]);
@@ -76,9 +77,9 @@ fn mappings_that_do_not_fit_are_reported() {
     for (entries, expected) in [
         (
             &["q1_rad=angel"][..],
-            "log.csv: `q1_rad=angel`: no column `angel`; the recording has Time [s], angle [deg], x, x, note",
+            "log.csv: `q1_rad=angel`: no column `angel`; the recording has Time [s], angle [deg], x_1, x_2, note",
         ),
-        (&["x_m=x"], "log.csv: `x_m=x`: columns 3, 4 are all called `x`"),
+        (&["x_m=x"], "log.csv: `x_m=x`: no column `x`; the recording has Time [s], angle [deg], x_1, x_2"),
         (&["x_m=angle"], "log.csv: `x_m=angle`: deg (angle) does not convert to m (length)"),
         (&["q1=angle*deg"], "log.csv: `q1=angle*deg`: q1 ends in no unit"),
         (&["q1_rad=note"], "log.csv:2: `q1_rad=note`: column note holds `a`, expected a number"),

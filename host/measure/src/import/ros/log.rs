@@ -33,9 +33,13 @@ struct Topic {
     /// Cells of each row by the number of their column.
     rows: Vec<Vec<(usize, String, f64)>>,
     n_unread: usize,
+    /// Names of the joints of the last message that had some.
+    joints: Vec<String>,
     is_json: bool,
     /// What of messages is not read, and of how many.
     odd: BTreeMap<String, usize>,
+    /// Messages that are damaged: how many, and which is the first and why.
+    damaged: Option<(usize, (String, String))>,
 }
 
 /// The topics of logs that belong together, one after the other, and notes.
@@ -68,6 +72,11 @@ pub(crate) fn read(files: &[Vec<u8>], limits: &Limits) -> Result<(Vec<Part>, Vec
     for (name, topic) in &topics {
         let odd = topic.odd.iter().map(|(what, n)| format!("{name}: {n} messages are read without their {what}"));
         notes.extend(odd);
+        match &topic.damaged {
+            Some((_, (place, text))) if topic.rows.is_empty() => return Err(Fault::at(place.clone(), text.clone())),
+            Some((n, (place, text))) => notes.push(format!("{n} messages are damaged and left out; {place}: {text}")),
+            None => {}
+        }
     }
     let mut parts: Vec<Part> = Vec::new();
     for (name, topic) in topics {
@@ -117,7 +126,9 @@ fn add(log: &Log, topics: &mut BTreeMap<String, Topic>, limits: &Limits) -> Resu
             return Err(Fault::of_file(limits.too_many_cells()));
         }
         let log_ns = i64::try_from(message.log_time).unwrap_or(i64::MAX);
-        topic.message(channel, &message.data, log_ns).map_err(|text| Fault::at(place(), text))?;
+        if let Err(text) = topic.message(channel, &message.data, log_ns) {
+            topic.damaged.get_or_insert_with(|| (0, (place(), text))).0 += 1;
+        }
     }
     Ok(())
 }
@@ -126,7 +137,7 @@ impl Topic {
     fn message(&mut self, channel: &Channel, data: &[u8], log_ns: i64) -> Result<(), String> {
         match channel.encoding.as_str() {
             "cdr" if message::is_known(&channel.schema) => {
-                let Message { stamp_ns, mut fields, unread } = message::read(&channel.schema, data)?;
+                let Message { stamp_ns, mut fields, unread } = message::read(&channel.schema, data, &mut self.joints)?;
                 unread.into_iter().for_each(|unread| *self.odd.entry(unread).or_default() += 1);
                 self.same_side(&mut fields);
                 // A header that nobody stamped.

@@ -1,5 +1,7 @@
 //! Messages of ROS 2 that are read: their fields as columns, in the units of REP 103.
 
+use std::collections::HashSet;
+
 use super::cdr::Cdr;
 
 /// A message: its time stamp, and its fields by name.
@@ -50,8 +52,8 @@ pub(super) fn unit(kind: &str, field: &str) -> Option<String> {
     units.iter().find(|(start, _)| field.starts_with(start)).map(|(_, unit)| (*unit).to_owned())
 }
 
-/// A message of a type that [`is_known`], or what is wrong with it.
-pub(super) fn read(kind: &str, bytes: &[u8]) -> Result<Message, String> {
+/// A message of a type that [`is_known`], or what is wrong with it; `joints` are the names of the last message that had some.
+pub(super) fn read(kind: &str, bytes: &[u8], joints: &mut Vec<String>) -> Result<Message, String> {
     let mut cdr = Cdr::new(bytes)?;
     let cut = || "the message ends early or holds a wrong length: the log is damaged".to_owned();
     let (seconds, nanoseconds) = cdr.i32().zip(cdr.u32()).ok_or_else(cut)?;
@@ -62,7 +64,7 @@ pub(super) fn read(kind: &str, bytes: &[u8]) -> Result<Message, String> {
             let field = |name: &&str| Some(((*name).to_owned(), cdr.f64()?));
             (names.iter().map(field).collect::<Option<_>>().ok_or_else(cut)?, None)
         }
-        None => joints(&mut cdr).ok_or_else(cut)?,
+        None => of_joints(&mut cdr, joints).ok_or_else(cut)?,
     };
     Ok(Message { stamp_ns, fields, unread })
 }
@@ -70,14 +72,24 @@ pub(super) fn read(kind: &str, bytes: &[u8]) -> Result<Message, String> {
 /// A quantity and its number.
 type Field = (String, f64);
 
-/// Positions, velocities and efforts by the names of the joints, or by their numbers where there are no names; empty lists are
-/// not measured, and of one of another length it is not known which joints it is of.
-fn joints(cdr: &mut Cdr) -> Option<(Vec<Field>, Option<String>)> {
+/// Positions, velocities and efforts by the names of the joints. Without names they are as many as in a message before, or the
+/// numbers of the joints. Empty lists are not measured, and of one of another length it is not known which joints it is of.
+fn of_joints(cdr: &mut Cdr, before: &mut Vec<String>) -> Option<(Vec<Field>, Option<String>)> {
     let mut names = cdr.sequence(4, Cdr::text)?;
     let (mut fields, mut unread) = (Vec::new(), None);
+    let n_different = names.iter().collect::<HashSet<_>>().len();
+    if n_different < names.len() {
+        unread = Some("names, of which some are equal".to_owned());
+        names.clear();
+    } else if !names.is_empty() {
+        before.clone_from(&names);
+    }
     for quantity in ["position", "velocity", "effort"] {
         let numbers = cdr.sequence(8, Cdr::f64)?;
-        if names.is_empty() {
+        if names.is_empty() && !before.is_empty() && before.len() == numbers.len() {
+            names.clone_from(before);
+            unread = Some("names, and have those of a message before".to_owned());
+        } else if names.is_empty() {
             names = (1..=numbers.len()).map(|number| number.to_string()).collect();
         }
         if !numbers.is_empty() && numbers.len() != names.len() {
@@ -88,4 +100,45 @@ fn joints(cdr: &mut Cdr) -> Option<(Vec<Field>, Option<String>)> {
         fields.extend(names.iter().zip(numbers).map(|(name, number)| (format!("{quantity}.{name}"), number)));
     }
     Some((fields, unread))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A `JointState` in little-endian CDR with a position for each joint.
+    fn joint_state(names: &[&str], positions: &[f64]) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let number = |bytes: &mut Vec<u8>, number: usize| {
+            bytes.resize(bytes.len().next_multiple_of(4), 0);
+            bytes.extend((number as u32).to_le_bytes());
+        };
+        let text = |bytes: &mut Vec<u8>, text: &str| {
+            number(bytes, text.len() + 1);
+            bytes.extend(text.bytes().chain([0]));
+        };
+        number(&mut bytes, 5);
+        number(&mut bytes, 0);
+        text(&mut bytes, "");
+        number(&mut bytes, names.len());
+        names.iter().for_each(|name| text(&mut bytes, name));
+        number(&mut bytes, positions.len());
+        bytes.resize(bytes.len().next_multiple_of(8), 0);
+        bytes.extend(positions.iter().flat_map(|position| position.to_le_bytes()));
+        number(&mut bytes, 0);
+        number(&mut bytes, 0);
+        [&[0, 1, 0, 0], &bytes[..]].concat()
+    }
+
+    #[test]
+    fn joints_without_names_have_those_of_a_message_before_and_equal_names_are_none() {
+        let mut joints = Vec::new();
+        let mut fields = |names: &[&str]| {
+            let message = read(JOINT_STATE, &joint_state(names, &[1.0, 2.0]), &mut joints).unwrap();
+            message.fields.into_iter().map(|(name, _)| name).collect::<Vec<_>>().join(" ")
+        };
+        assert_eq!(fields(&["a", "a"]), "position.1 position.2");
+        assert_eq!(fields(&["b", "a"]), "position.b position.a");
+        assert_eq!(fields(&[]), "position.b position.a");
+    }
 }
