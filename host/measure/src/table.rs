@@ -40,6 +40,9 @@ use darm_robot::source::Fault;
 use super::column::Column;
 use super::csv::content;
 use super::error::{ReadError, SelectError};
+use super::foreign;
+use super::import::header::is_units;
+use super::import::proposal::increasing_time;
 use super::unit::{self, Unit, split_ours};
 use super::{Finding, FindingKind};
 
@@ -74,6 +77,23 @@ fn time_without_unit(column: &mut Column) -> Option<Finding> {
     column.unit = "s";
     let name = &column.name;
     let text = format!("{name} has no unit; by the size of its numbers it is time in {}", unit.name);
+    Some(Finding::note(FindingKind::SuspectedUnit, text).in_column(name))
+}
+
+/// Where no column is called time, the one that may be by its name, and whose numbers only increase; says so.
+fn time_by_its_numbers(columns: &mut [Column]) -> Option<Finding> {
+    if columns.iter().any(|column| column.meaning() == "time") {
+        return None;
+    }
+    let unit = |column: &Column| {
+        let unit = Unit::named(column.unit).filter(|_| !column.unit.is_empty());
+        increasing_time(&column.quantity, unit, &column.numbers)
+    };
+    let (column, unit) = columns.iter_mut().find_map(|column| unit(column).map(|unit| (column, unit)))?;
+    column.numbers.iter_mut().for_each(|number| *number = unit.to_si(*number));
+    (column.quantity, column.unit) = ("time".into(), "s");
+    let name = &column.name;
+    let text = format!("no column is called time; {name}, which only increases, is taken as time in {}", unit.name);
     Some(Finding::note(FindingKind::SuspectedUnit, text).in_column(name))
 }
 
@@ -156,6 +176,9 @@ impl Table {
             if before.as_ref() == Some(&record) {
                 findings.push(Finding::note(FindingKind::RepeatedRow, "the row repeats the one before").at_line(line));
             }
+            if lines.is_empty() && is_units(record.iter()) {
+                return Err(ReadError::Foreign { path: path.into(), fault: foreign::row_of_units(path, line) });
+            }
             for (column, (cell, (_, unit))) in columns.iter_mut().zip(record.iter().zip(&kinds)) {
                 column.numbers.push(
                     cell.parse::<f64>().map_or(f64::NAN, |number| unit.map_or(number, |unit| unit.to_si(number))),
@@ -170,6 +193,7 @@ impl Table {
             return Err(ReadError::Empty { path: path.into() });
         }
         findings.extend(columns.iter_mut().filter_map(time_without_unit));
+        findings.extend(time_by_its_numbers(&mut columns));
         Ok((Self { path: path.into(), columns, lines, text, positions }, findings))
     }
 

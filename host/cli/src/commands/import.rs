@@ -144,6 +144,7 @@ impl Import {
         if let Some(output) = &self.output {
             let table = self.table(&recordings, &mapping, output)?;
             (rows, notes) = (Some(table.rows.len()), table.notes);
+            notes.extend(Table::left_out(&recordings[0], &mapping).filter(|_| is_proposed));
         } else if !is_proposed {
             notes = Table::new(&recordings, &mapping)?.notes;
         }
