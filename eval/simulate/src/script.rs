@@ -548,7 +548,7 @@ fn draw_arm(rng: &mut ChaCha8Rng, seed: u64) -> (ArmPlan, Vec<Table>) {
         let min_supply_mv = (seed % 3 != 2).then_some(3_000);
         let arm = ArmPlan { stop_opens: seed % 4 == 2, min_supply_mv, ..ArmPlan::draw(rng) };
         let mut second = arm.reversed_wiring();
-        if seed % 3 == 0 {
+        if seed.is_multiple_of(3) {
             // A table may leave out what the arm hangs on.
             second.servos.clear();
         }
