@@ -99,14 +99,14 @@ pub(crate) fn read(bytes: &[u8], dialect: Dialect, limits: &Limits) -> Result<(P
     } else if let Some(column) = part.columns.iter().find(|column| proposal::is_named_time(column)) {
         let cell = column.first_text().map_or("", |(_, text)| text);
         notes.push(format!(
-            "column {}: `{cell}` is no number and no date that is read; write times in s, or as 2024-05-31 12:30:00.25",
+            "column {}: `{cell}` is not a number or a date that is read; write times in s, or as 2024-05-31 12:30:00.25",
             column.name
         ));
     }
     Ok((part, notes))
 }
 
-/// That time runs back or stands still.
+/// That time runs back or does not increase.
 fn steps_back(column: &Column) -> Option<String> {
     let count = |of: fn(f64) -> bool| column.numbers.windows(2).filter(|pair| of(pair[1] - pair[0])).count();
     let (back, same) = (count(|step| step < 0.0), count(|step| step == 0.0));
@@ -264,8 +264,8 @@ fn has_decimal_comma(rows: &[Row], delimiter: char) -> bool {
     with_comma > cells().filter(|cell| cell.contains('.') && number(cell).is_some()).count()
 }
 
-/// Takes out the points that separate thousands beside decimal commas: `1.234,5`, and `1.234` where no number of its column has a
-/// point elsewhere.
+/// Takes out the points that separate thousands beside decimal commas: `1.234,5`, and `1.234` where all numbers with a point in its column are grouped so
+/// by three digits.
 fn without_thousands(rows: &mut [Row], notes: &mut Vec<String>) {
     let is_grouped = |cell: &str| {
         let mut groups = cell.split(',').next().unwrap_or_default().trim_start_matches(['+', '-']).split('.');

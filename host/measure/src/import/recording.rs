@@ -109,7 +109,7 @@ impl Part {
     }
 }
 
-/// Whether a cell of a text file has no value: words of programs for it, no number of the C library, errors of spreadsheets.
+/// Whether a cell of a text file has no value: words of programs for it, NaN as the C library prints it, errors of spreadsheets.
 pub(crate) fn is_missing(cell: &str) -> bool {
     const WORDS: [&str; 14] =
         ["nan", "na", "n/a", "n.a.", "#n/a", "<na>", "null", "none", "nil", "nat", "missing", "undefined", "?", "."];

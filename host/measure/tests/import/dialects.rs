@@ -330,7 +330,7 @@ fn time_is_found_by_what_its_numbers_do() {
     let table = converted("nsec,sec,q1_deg\n900000000,5,1\n950000000,5,2\n0,6,3\n");
     assert_eq!((table.names[0].as_str(), table.rows[2][0].as_str()), ("time_s", "6"));
     let text = recording(b"time;q1_deg\n1.23:59:00;1\n1.23:59:01;2\n").unwrap();
-    assert!(text.notes[0].contains("`1.23:59:00` is no number and no date that is read"), "{:?}", text.notes);
+    assert!(text.notes[0].contains("`1.23:59:00` is not a number or a date that is read"), "{:?}", text.notes);
     let back = recording(b"time_s,q1_deg\n0,1\n1,2\n1,3\n0,4\n").unwrap();
     assert_eq!(back.notes, ["column time_s: time runs back in 1 rows, and is that of the row before in 1 rows"]);
 }
