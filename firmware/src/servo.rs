@@ -266,10 +266,10 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
     /// Whether a servo has what was written to it in this visit.
     async fn has_taken(&mut self, index: usize, joint: &Joint) -> Result<bool, BusError> {
         let found = self.registers(joint.limit.id).await?;
-        let held = self.known(index).goal.map(|steps| goal_registers(steps, &joint.limit));
+        let own = self.known(index).goal.map(|steps| goal_registers(steps, &joint.limit));
         let has_taken = match joint.action {
             ServoAction::Go(target) => does(&found, &goal(&target, &joint.limit)),
-            ServoAction::Hold => held.is_some_and(|held| keeps(&found, &held)),
+            ServoAction::Hold => own.is_some_and(|own| keeps(&found, &own)),
             ServoAction::Release => found.first() == Some(&0),
         };
         if has_taken {
@@ -345,7 +345,7 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
         let third = self.agree(limit, Some(second.place)).await?;
         let has_jumped = first.has_jumped || second.has_jumped || third.has_jumped;
         let seen = median([first, second, third].map(|sample| sample.place.steps));
-        // Its load has bent it from the goal that it has: its place for another goal would bend it again, and with each stop once more. How far
+        // Its load has bent it from the goal that it has: its place for another goal would bend it again, and again with each stop. How far
         // it may leave the goal that it was given is for `judge` to say.
         let is_kept =
             |goal: &i16| known.goal.is_some() || goal.abs_diff(seen) <= BENT_STEPS && is_in_range(*goal, limit);

@@ -136,7 +136,7 @@ struct Track {
     /// Since when something has pushed it away from what it holds.
     strayed_ns: Option<u64>,
     /// Since when it has torque and no order explains its goal.
-    held_ns: Option<u64>,
+    holding_ns: Option<u64>,
     /// The end of its last motion under torque, ns.
     moved_ns: Option<u64>,
     /// Whether an order explains its goal, at that number of changes of the orders.
@@ -234,7 +234,7 @@ impl Servos {
     pub fn on_uncontrolled(&mut self, now_ns: u64) {
         self.end_orders(u64::MAX);
         for track in &mut self.tracks {
-            (track.motion, track.held_ns, track.rested) = (Motion::Stopping(now_ns), None, None);
+            (track.motion, track.holding_ns, track.rested) = (Motion::Stopping(now_ns), None, None);
         }
     }
 
@@ -274,7 +274,7 @@ impl Servos {
         for track in &mut self.tracks {
             track.motion = Motion::Stopping(now_ns);
             (track.answered_ns, track.overloaded_ns, track.moved_ns) = (None, None, None);
-            (track.held_ns, track.is_as_started) = (None, true);
+            (track.holding_ns, track.is_as_started) = (None, true);
             track.excused_ns = now_ns + (START_MS - HOLD_MS) * MS;
             track.misled_ns = track.misled_ns.map(|_| track.excused_ns);
             track.doubtful_ns = None;
@@ -318,7 +318,7 @@ impl Servos {
                     rested: None,
                     overloaded_ns: None,
                     strayed_ns: None,
-                    held_ns: None,
+                    holding_ns: None,
                     moved_ns: None,
                     explained: None,
                     misled_ns: None,
@@ -399,7 +399,7 @@ impl Servos {
         self.check_misled(now_ns, index, &mut track, &servo);
         if is_misled || joint.is_pushed {
             // Where it comes to rest afterwards is where it rests.
-            (track.motion, track.held_ns, track.rested) = (Motion::Stopping(now_ns), None, None);
+            (track.motion, track.holding_ns, track.rested) = (Motion::Stopping(now_ns), None, None);
         }
         // One that rests, or is at its goal, may bend a little, as when what had blocked it goes away.
         let is_away = (joint.goal - joint.step).abs() > HOLD_STEPS;
@@ -564,10 +564,10 @@ impl Servos {
     fn check_strength(&mut self, now_ns: u64, track: &mut Track, servo: &ServoCeiling) {
         let Joint { id, torque_limit, has_torque, .. } = track.last;
         if !has_torque || track.motion == Motion::Ordered {
-            track.held_ns = None;
+            track.holding_ns = None;
             return;
         }
-        let since_ns = *track.held_ns.get_or_insert(now_ns);
+        let since_ns = *track.holding_ns.get_or_insert(now_ns);
         let from_ns = since_ns.max(track.excused_ns);
         if torque_limit.saturating_add(TORQUE_SLACK) < servo.max_torque
             && now_ns > from_ns + self.ceilings.true_ns(HOLD_MS)

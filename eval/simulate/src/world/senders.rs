@@ -59,7 +59,7 @@ pub enum Party {
 #[derive(Clone, Copy, Debug)]
 pub struct Pulsed {
     coil: u8,
-    /// The line that goes on first.
+    /// The line that gets current first.
     line: u8,
     /// When the host began to bring the board to rest.
     began_ns: u64,

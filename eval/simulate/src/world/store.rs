@@ -90,7 +90,7 @@ impl World {
         self.bench.set_supply(mv);
     }
 
-    /// A load pushes this servo so many steps away from where its own bends it, until it is taken away; then it may turn back for a while.
+    /// A load pushes this servo this number of steps away from where its own bends it, until it is taken away; then it may turn back for a while.
     pub fn push_servo(&mut self, index: usize, steps: f32) {
         const BACK_NS: u64 = 2_500_000_000;
         self.pushed_ns = self.now_ns() + BACK_NS;

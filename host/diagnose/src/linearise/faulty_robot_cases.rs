@@ -104,9 +104,7 @@ pub(super) fn normal(random: &mut impl Rng) -> Vec3<f64> {
 /// The Panda with masses; these do not say what its real ones are.
 pub(super) fn panda() -> Robot {
     let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/measured/panda.toml");
-    let Predictor::PointContact(mut robot, _) = Model::read(&model).what else {
-        panic!("no point contact")
-    };
+    let Predictor::PointContact(mut robot, _) = Model::read(&model).what else { panic!("no point contact") };
     for (joint, mass) in robot.joints.iter_mut().zip([3.5, 3.5, 2.5, 2.5, 2.0, 1.5, 1.0]) {
         joint.joint.inertia.mass = mass;
         joint.joint.inertia.com = Vec3::new(0.01, -0.03, 0.02);

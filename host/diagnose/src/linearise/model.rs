@@ -163,7 +163,7 @@ impl Model {
     /// The model of a file in the repository.
     #[cfg(test)]
     pub(crate) fn read(path: &std::path::Path) -> Self {
-        Self::of_source(&Source::read(path).unwrap(), &Selection::default()).unwrap()
+        Self::of_source(&Source::read::<String>(path).unwrap(), &Selection::default()).unwrap()
     }
 
     /// The model of a file that is no arm of words, with some joints of its robot locked, besides those that the file locks, and of a part of

@@ -85,8 +85,8 @@ pub(crate) fn read(bytes: &[u8], dialect: Dialect, limits: &Limits) -> Result<(P
     if let Some((k, unit)) = proposal::time_column(&part) {
         let Column { name, numbers, .. } = &part.columns[k];
         // Integers may be of any unit.
-        let are_whole = numbers.len() > 2 && numbers.iter().all(|number| number.fract() == 0.0 || number.is_nan());
-        if epochs_ns[k].is_none() && proposal::is_guessed(&part.columns[k]) && (unit.name != "s" || are_whole) {
+        let are_complete = numbers.len() > 2 && numbers.iter().all(|number| number.fract() == 0.0 || number.is_nan());
+        if epochs_ns[k].is_none() && proposal::is_guessed(&part.columns[k]) && (unit.name != "s" || are_complete) {
             let other = if unit.name == "s" { "ms" } else { "s" };
             notes.push(format!(
                 "column {name}: its unit is not in the file; by the size of its numbers they are taken as {0}; if they are \
@@ -373,7 +373,7 @@ fn not_read(rows: &[Row], place: &str, delimiter: char) -> String {
 }
 
 /// Lines that a table may have before it without a line that says so.
-const MOST_LINES_BEFORE: usize = 8;
+const MAX_LINES_BEFORE: usize = 8;
 
 /// Makes rows as long as each other. A last row that is short and has no end was cut off and is left out.
 fn even(rows: &mut Vec<Row>, delimiter: char, ends_early: bool, notes: &mut Vec<String>) -> Result<(), Fault> {
@@ -388,7 +388,7 @@ fn even(rows: &mut Vec<Row>, delimiter: char, ends_early: bool, notes: &mut Vec<
     match rows.iter().find(|row| row.cells.len() != width) {
         Some(row) => {
             let skip = match rows.iter().position(|other| other.line == row.line) {
-                Some(at) if at < MOST_LINES_BEFORE => {
+                Some(at) if at < MAX_LINES_BEFORE => {
                     format!(", or leave out the lines before the table with --skip-lines {}", row.line - 1)
                 }
                 _ => String::new(),

@@ -143,7 +143,7 @@ fn a_long_chain_is_read() {
 /// The tree on one body of a model.
 fn tree(root: &str, body: &str) -> Result<Robot, MjcfError> {
     let source = Source::of_text(Path::new("m.xml"), &format!("<mujoco model=\"m\">\n{body}\n</mujoco>"));
-    of_source(source, &Selection { root: Some(root.into()), ..Selection::default() })
+    of_source(&source, &Selection { root: Some(root.into()), ..Selection::default() })
 }
 
 #[test]
