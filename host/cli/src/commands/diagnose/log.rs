@@ -6,7 +6,6 @@ use darm_diagnose::error::DiagnoseError;
 use darm_diagnose::files::FilesError;
 use darm_diagnose::overview::{ColumnOverview, Overview, Possible, SamplingOverview};
 use darm_measure::ReadError;
-use darm_measure::import::proposal::propose;
 use darm_measure::import::read::Dialect;
 use serde::Serialize;
 
@@ -66,10 +65,8 @@ pub(super) fn with_conversion(model: &Path, data: &Path, error: anyhow::Error) -
 /// is about.
 fn conversion(data: &Path, model: Option<&Path>) -> Option<String> {
     let recording = darm_measure::import::read(data, Dialect::default()).ok()?;
-    let has_own_names = || propose(&recording, &[]).entries.iter().all(|entry| entry.target == entry.source);
-    let is_as_ours = recording.notes.is_empty()
-        && recording.parts.iter().all(|part| part.kind == "table, separated by commas")
-        && has_own_names();
+    let is_as_ours =
+        recording.notes.is_empty() && recording.parts.iter().all(|part| part.kind == "table, separated by commas");
     let shown = |path: &Path| quoted(&path.display().to_string());
     let (file, converted) = (shown(data), shown(&data.with_extension("table.csv")));
     let model = model.map_or_else(String::new, |model| format!("{} ", shown(model)));
