@@ -501,7 +501,8 @@ impl Known {
         reported
     }
 
-    /// Whether it has turned too far in a span of [`SPEED_SPAN`]: in a single visit the noise of two places is worth a turn in eight seconds.
+    /// Whether it has turned too far in a span of [`SPEED_SPAN`]: in a single visit the noise of a place is worth
+    /// 1.2 rad/s.
     fn is_fast(&mut self, limit: &ServoWiring, sample: &Sample) -> bool {
         let Some(from) = self.span_from.filter(|from| from.age(sample.asked) >= SPEED_SPAN) else {
             self.span_from = self.span_from.or(Some(sample.place));

@@ -35,6 +35,7 @@ use disturbances::Active;
 pub use plug::{Plug, enter, leave, pass, with};
 use senders::Caller;
 pub use senders::{Opened, Party};
+pub use store::BACK_MS;
 
 /// No run lasts longer: whoever still waits finds the line closed.
 const MAX_NS: u64 = 600_000_000_000;

@@ -119,13 +119,14 @@ impl Source {
 
     /// What it describes.
     pub fn kind(&self) -> ModelKind {
-        let keys = self.text.parse::<toml::Table>().unwrap_or_default();
-        if !self.is_toml() || keys.contains_key("notation") {
-            ModelKind::Robot
-        } else if keys.get("kind").is_some_and(toml::Value::is_str) {
-            ModelKind::Experiment
-        } else {
-            ModelKind::Arm
+        if !self.is_toml() {
+            return ModelKind::Robot;
+        }
+        match self.text.parse::<toml::Table>() {
+            Ok(keys) if keys.contains_key("notation") => ModelKind::Robot,
+            Ok(keys) if keys.get("kind").is_some_and(toml::Value::is_str) => ModelKind::Experiment,
+            // Broken TOML too: whoever reads the arm says where.
+            Ok(_) | Err(_) => ModelKind::Arm,
         }
     }
 

@@ -12,7 +12,7 @@ use super::Host;
 use crate::answers::{PULSE_MS, SETTLE_MS};
 use crate::script::SupplyForm;
 use crate::words;
-use crate::world::{self, Party};
+use crate::world::{self, BACK_MS, Party};
 
 /// Zero offsets that are replaced, and their opposite, which replaces them, rad: farther apart than any two goals count as one.
 const OFFSET_RAD: f32 = 0.05;
@@ -23,8 +23,6 @@ const TURNS: u64 = 4;
 const TURN_MS: u64 = 90;
 /// A load pushes a servo as far as this, a step each 2 ms: 0.2 rad.
 const SAG_STEPS: u16 = 130;
-/// Then it turns back, at 0.1 rad/s or more, ms.
-const BACK_MS: u64 = 2_500;
 /// What is driven while the supply fails is on for this time, ms: below the shortest limit of on-time.
 const DRIVEN_MS: u32 = 700;
 /// A dip of the supply, and the time from one to the next, ms.

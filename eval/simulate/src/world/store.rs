@@ -12,6 +12,9 @@ use crate::judge::wear::Borne;
 /// Bytes of an image that is only begun.
 const STUB: [u8; 8] = [0; 8];
 
+/// A servo that a load has pushed away turns back within this time after the load is taken off, at 0.1 rad/s or more, ms.
+pub const BACK_MS: u64 = 2_500;
+
 impl World {
     /// Whether the script has disturbances that have not begun.
     pub fn has_acts_ahead(&self) -> bool {
@@ -92,8 +95,7 @@ impl World {
 
     /// A load pushes this servo this number of steps away from where its own bends it, until it is taken away; then it may turn back for a while.
     pub fn push_servo(&mut self, index: usize, steps: f32) {
-        const BACK_NS: u64 = 2_500_000_000;
-        self.pushed_ns = self.now_ns() + BACK_NS;
+        self.pushed_ns = self.now_ns() + BACK_MS * 1_000_000;
         self.disturbed_ns = self.now_ns();
         let own = self.arm.servos.iter().map(|servo| servo.bend_steps).enumerate();
         let bends: Vec<f32> = own.map(|(own, bend)| if own == index { bend + steps } else { bend }).collect();
