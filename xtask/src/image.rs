@@ -239,7 +239,7 @@ pub fn build_bench() -> Result<PathBuf> {
 ///
 /// The compiler does not start or fails.
 pub fn build_generated() -> Result<PathBuf> {
-    build_binary(Board::BL475eIot01a, "generated", "chip")
+    build_binary(Board::BL475eIot01a, "generated", "bench")
 }
 
 /// Builds the image that does kinematics alone and fails when anything in it can panic: no code of that may be linked.
