@@ -7,7 +7,7 @@ use darm_core::output::{
 };
 use darm_core::profile::{EmergencyStop, Fallback, Profile};
 use darm_core::table::{Board, Checker, Record, Row, head};
-use darm_core::units::{Digest, Micros, ModelHash, Word};
+use darm_core::units::{DeviceId, Digest, Micros, ModelHash, Word};
 use rand::RngExt as _;
 use rand::seq::SliceRandom as _;
 use rand_chacha::ChaCha8Rng;
@@ -356,6 +356,8 @@ pub struct TablePlan<'w> {
     pub rows: usize,
     /// It ends while its servos are on their way to one more row.
     pub ends_under_way: bool,
+    /// The board that it is for; any where `None`.
+    pub device: Option<DeviceId>,
 }
 
 /// A table with what the judges need to know of it.
@@ -375,14 +377,14 @@ impl Table {
     /// A table that the board's own check accepts under a profile that allows the wiring; `None` when none
     /// was found.
     pub fn draw(rng: &mut ChaCha8Rng, plan: &TablePlan<'_>) -> Option<Self> {
-        let TablePlan { wiring, profile, model, .. } = *plan;
+        let TablePlan { wiring, profile, model, device, .. } = *plan;
         (0..24).find_map(|attempt| {
             let changes = 0.4 * 0.8f64.powi(attempt);
             let mut records = draw_records(rng, plan, changes);
             keep_pauses(wiring, &mut records);
             let mut checker = Checker::default();
             let allowing = Profile { digest: profile, ..Profile::of(wiring) };
-            let board = Board { device: None, profile: &allowing };
+            let board = Board { device, profile: &allowing };
             records.iter().try_for_each(|record| checker.admit(record, &board)).ok()?;
             Some(Self::of(&records, model))
         })
@@ -411,8 +413,8 @@ impl Table {
 ///
 /// `changes` is not a probability from 0 to 1, or the range of a servo is empty.
 pub fn draw_records(rng: &mut ChaCha8Rng, plan: &TablePlan<'_>, changes: f64) -> Vec<Record> {
-    let TablePlan { wiring, profile, model, rows, ends_under_way } = *plan;
-    let mut records = wiring_records(wiring, profile, model);
+    let TablePlan { wiring, profile, model, rows, ends_under_way, device } = *plan;
+    let mut records: Vec<Record> = head(wiring, ModelHash(model), device, profile).collect();
     let longest_ms = wiring.actuators.iter().map(|actuator| actuator.travel_ms).max().unwrap_or(50);
     let mut digits: Vec<u8> = vec![0; wiring.actuators.len()];
     let mut angles: Vec<f32> = vec![0.0; wiring.servos.len()];
@@ -470,8 +472,4 @@ fn keep_pauses(wiring: &Wiring, records: &mut [Record]) {
         }
         before = row.word;
     }
-}
-
-fn wiring_records(wiring: &Wiring, profile: Digest, model: u64) -> Vec<Record> {
-    head(wiring, ModelHash(model), None, profile).collect()
 }

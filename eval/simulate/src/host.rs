@@ -128,7 +128,7 @@ impl<'s> Host<'s> {
             HostAct::TurnUnder(fault, mrad) => return self.turn_under(fault, 1e-3 * mrad as f32, seed, false),
             HostAct::TurnTogether(fault, mrad) => return self.turn_under(fault, 1e-3 * mrad as f32, seed, true),
             HostAct::MoveContradicted(is_closed) => return self.move_contradicted(is_closed, seed),
-            HostAct::StoreUnderWay => return self.store_under_way(seed),
+            HostAct::EndUnderWay => return self.end_under_way(seed),
             HostAct::ActWhileSafe(form) => return self.act_while_safe(form, seed),
             HostAct::LoseProfile => return self.lose_profile(seed),
             HostAct::LoseOffsets => return self.lose_offsets(seed),

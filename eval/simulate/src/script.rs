@@ -68,8 +68,9 @@ pub enum HostAct {
     TurnTogether(TurnFault, i32),
     /// Words and coils by hand, one after the other, while some switches are stuck, closed if `true`.
     MoveContradicted(bool),
-    /// Runs the table whose program ends while its servos are on their way, and has something stored then.
-    StoreUnderWay,
+    /// Runs the table whose program ends while its servos are on their way; then something is to be stored, or a servo reports an
+    /// overload.
+    EndUnderWay,
     /// The emergency stop was pressed; then a stop of this form and commands come, and nobody leaves the safe state.
     ActWhileSafe(StopForm),
     /// A person replaces the profile, a bit of each copy of the newest record turns, and the board starts again.
@@ -143,11 +144,13 @@ pub enum TurnFault {
     Silent,
     /// A stop, and a table to store right behind it, while the others may answer nothing.
     StopAndStore,
+    /// It takes no order any more and answers as ever; then commands come.
+    Deaf,
 }
 
 impl TurnFault {
     /// All of them.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::StopWithDamage,
         Self::StopUnconfirmed,
         Self::Stop,
@@ -156,7 +159,24 @@ impl TurnFault {
         Self::Silent,
         Self::StopDeaf,
         Self::StopAndStore,
+        Self::Deaf,
     ];
+}
+
+/// What a table of somebody else is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Foreign {
+    /// A board without a profile.
+    NoProfile,
+    /// A board with another profile.
+    OtherProfile,
+    /// Another board with the same profile.
+    OtherDevice,
+}
+
+impl Foreign {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::NoProfile, Self::OtherProfile, Self::OtherDevice];
 }
 
 /// What happens to the board, at its time.
@@ -192,14 +212,14 @@ pub enum WorldAct {
     Press(u32),
     /// The stored profile is damaged, records (`true`) or image, and the firmware starts again.
     DamagedProfile(bool),
-    /// A table of another profile, or for a board without one (`true`), uploaded completely and played.
-    ForeignTable(bool),
+    /// A table of somebody else, uploaded completely and played.
+    ForeignTable(Foreign),
     /// A profile beyond the limits of the arm, uploaded completely.
     WiderProfile,
     /// The wire by which the chain returns what is shifted into it is cut for this time, ms.
     CutReturn(u32),
-    /// Output enable reads low for this time, ms, whatever the board drives.
-    StuckEnable(u32),
+    /// Output enable reads high (`true`) or low for this time, ms, whatever the board drives.
+    StuckEnable(bool, u32),
     /// A table that differs from the arm in one kind of limit or line, uploaded completely and played.
     RecombinedTable,
     /// The jumper that somebody left opens again and again for a moment, for this time, ms.
@@ -237,10 +257,10 @@ impl WorldAct {
             Self::DeadValve(_) => "dead valve",
             Self::Press(_) => "button pressed",
             Self::DamagedProfile(_) => "damaged profile",
-            Self::ForeignTable(_) => "table of another profile",
+            Self::ForeignTable(_) => "table of somebody else",
             Self::WiderProfile => "wider profile",
             Self::CutReturn(_) => "chain not returned",
-            Self::StuckEnable(_) => "stuck output enable",
+            Self::StuckEnable(..) => "stuck output enable",
             Self::RecombinedTable => "table changed in one respect",
             Self::LooseJumper(_) => "loose jumper",
             Self::EmergencyStop(_) => "emergency stop",
@@ -275,7 +295,7 @@ impl WorldAct {
             Self::SilentServos(_, ms) | Self::BlockedServos(_, ms) | Self::DamagedServos(_, ms) => ms,
             Self::DeafServos(_, ms) | Self::UnconfirmedServos(_, ms) | Self::OverloadedServos(_, ms) => ms,
             Self::DeadValve(ms) | Self::Press(ms) | Self::LooseJumper(ms) => ms,
-            Self::CutReturn(ms) | Self::StuckEnable(ms) => ms,
+            Self::CutReturn(ms) | Self::StuckEnable(_, ms) => ms,
             Self::Reset | Self::KillHost | Self::Frames(..) | Self::Text | Self::Burst | Self::Table => 0,
             Self::DamagedProfile(_) | Self::ForeignTable(_) | Self::WiderProfile | Self::RecombinedTable => 0,
         }
@@ -403,7 +423,8 @@ impl Script {
         }
         match rng.random_range(0..4u8) {
             0 => acts.push((rng.random_range(0..2_000), WorldAct::CutReturn(2_500))),
-            1 => acts.push((rng.random_range(0..2_000), WorldAct::StuckEnable(rng.random_range(50..1_500)))),
+            1 => acts
+                .push((rng.random_range(0..2_000), WorldAct::StuckEnable(rng.random(), rng.random_range(50..1_500)))),
             _ => {}
         }
         if self.has_jumper {
@@ -425,7 +446,7 @@ impl Script {
             HostAct::TurnTogether(fault, rng.random_range(250..490)),
             HostAct::MoveContradicted(rng.random()),
             HostAct::PlayContradicted(rng.random()),
-            HostAct::StoreUnderWay,
+            HostAct::EndUnderWay,
             HostAct::ActWhileSafe(form),
         ];
         let picked = rng.random_range(0..acts.len());
@@ -527,7 +548,7 @@ impl Script {
             self.world.push(Timed { at_ms, act, seed: rng.random() });
             // Under the limits that are built in all outputs count as used up for 10 s.
             for after_ms in [200, 11_500] {
-                let act = WorldAct::ForeignTable(true);
+                let act = WorldAct::ForeignTable(Foreign::NoProfile);
                 self.world.push(Timed { at_ms: at_ms + after_ms, act, seed: rng.random() });
             }
             self.min_ms = 66_000;
@@ -558,7 +579,7 @@ fn draw_arm(rng: &mut ChaCha8Rng, seed: u64) -> (ArmPlan, Vec<Table>) {
             let rows = rng.random_range(4..60);
             let model = (seed << 8 | index).wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
             let ends_under_way = index == 3;
-            Table::draw(rng, &TablePlan { wiring, profile, model, rows, ends_under_way })
+            Table::draw(rng, &TablePlan { wiring, profile, model, rows, ends_under_way, device: None })
         };
         if let (Some(first), Some(second), Some(third)) = (table(1), table(2), table(3)) {
             return (arm, vec![first, second, third]);
@@ -575,7 +596,7 @@ fn draw_world_act(rng: &mut ChaCha8Rng) -> WorldAct {
         27 | 28 => WorldAct::OverloadedServos(rng.random_range(1..4), lasts_ms),
         29 => WorldAct::DeadValve(lasts_ms),
         30 | 31 => WorldAct::Press(lasts_ms),
-        32 => WorldAct::ForeignTable(rng.random()),
+        32 => WorldAct::ForeignTable(Foreign::ALL[rng.random_range(0..Foreign::ALL.len())]),
         33 => WorldAct::WiderProfile,
         0 | 1 => WorldAct::PowerCut(lasts_ms),
         2..=4 => WorldAct::FlashCut(rng.random_range(1..1_500), lasts_ms),

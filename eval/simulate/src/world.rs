@@ -118,7 +118,7 @@ pub struct World {
     ran_ticks: u32,
     /// Of these, with its profile in force, ticks since the emergency stop was pressed.
     pressed_ticks: u32,
-    /// Ticks in a row in which nothing was driven and output enable read low.
+    /// Ticks in a row in which output enable read another level than the board drove.
     enable_ticks: u32,
     has_jumper: bool,
     /// The host has a person press the button.
@@ -340,11 +340,11 @@ impl World {
         }
     }
 
-    /// Shows the judges what is wrong with the chain. An output enable that reads low while nothing is driven latches the safe state.
+    /// Shows the judges what is wrong with the chain. An output enable that reads another level than the board drives latches the safe state.
     fn look_at_chain(&mut self) {
         let (now_ns, faults) = (self.bench.now_ns(), self.bench.chain_faults());
         self.pins.on_return(now_ns, !faults.return_cut);
-        let is_seen = faults.enable_low && self.pins.high() == 0;
+        let is_seen = faults.enable.is_some_and(|is_high| is_high == self.pins.is_driven());
         self.enable_ticks = if is_seen { self.enable_ticks + u32::from(self.is_in_force()) } else { 0 };
         if self.enable_ticks >= ENABLE_TICKS {
             self.servos.on_latched(now_ns);

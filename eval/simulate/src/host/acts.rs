@@ -37,6 +37,8 @@ const CYCLES: u32 = 120;
 const STOPS: u32 = 6;
 /// Questions whether a program has begun, each 50 ms: no approach lasts longer.
 const APPROACH_POLLS: u32 = 120;
+/// A servo that takes no order is noticed within this time: four tries, and its time-out, ms.
+const DEAF_MS: u64 = 800;
 /// A coil that is on while servos turn, ms: longer than the time-out of a servo.
 const LONG_MS: u32 = 700;
 /// Commands by hand while switches are stuck, and the longest pause between two, ms: about the time of travel.
@@ -272,7 +274,7 @@ impl Host<'_> {
     /// Stops by the request that never changes, and opens the connection again, which a stop ends; whether that was confirmed.
     pub(super) fn halt(&mut self) -> bool {
         let began_ns = world::with(|world| world.now_ns());
-        if self.ask("stop", Client::stop_at_once).is_none() {
+        if self.ask("stop", Client::stop).is_none() {
             return false;
         }
         world::with(|world| world.on_stop(began_ns));
@@ -386,7 +388,8 @@ impl Host<'_> {
                 self.command("turn", Command::Servo { servo: other as u8, angle_rad });
             }
         }
-        let turn = Command::Servo { servo: index as u8, angle_rad: self.far_angle_rad(index, angle_rad.abs()) };
+        let far_rad = self.far_angle_rad(index, angle_rad.abs());
+        let turn = Command::Servo { servo: index as u8, angle_rad: far_rad };
         if self.command("turn", turn) != Ending::Done {
             return;
         }
@@ -437,6 +440,10 @@ impl Host<'_> {
                 self.command("turn", turn);
                 self.command("play", Command::Play);
             }
+            TurnFault::Deaf => {
+                world::with(|world| world.break_servos(ServoFaults { deaf: mask, ..none }));
+                self.command_while_deaf(Command::Servo { servo: index as u8, angle_rad: -far_rad });
+            }
             TurnFault::StopAndStore => {
                 let others = ServoFaults { mute: !mask, ..none };
                 world::with(|world| world.break_servos(if seed >> 16 & 1 == 1 { others } else { none }));
@@ -453,6 +460,23 @@ impl Host<'_> {
         world::pass(SETTLE_MS);
         self.events();
         self.command("clear", Command::Clear);
+    }
+
+    /// What a servo that takes no order is to do; once that had to be noticed nothing else is driven.
+    fn command_while_deaf(&mut self, order: Command) {
+        let began_ns = world::with(|world| world.now_ns());
+        if self.command("turn", order) != Ending::Done {
+            return;
+        }
+        world::pass(DEAF_MS);
+        let coil = Command::Coil { coil: 0, on_ms: PULSE_MS };
+        let is_accepted = self.command("coil", coil) == Ending::Done;
+        world::with(|world| {
+            let is_alone = !world.has_other_acted_since(Party::First, began_ns) && !world.is_hostile_since(began_ns);
+            if is_accepted && is_alone && world.pins.started_ns() < began_ns {
+                world.reports.on_accepted_while_deaf(world.now_ns(), &format!("{order:?}"), &format!("{coil:?}"));
+            }
+        });
     }
 
     /// The input of one of the arm's limit switches.
@@ -507,8 +531,9 @@ impl Host<'_> {
         self.command("clear", Command::Clear);
     }
 
-    /// Runs the table whose program ends while its servos are on their way, and wants something stored at once.
-    pub(super) fn store_under_way(&mut self, seed: u64) {
+    /// Runs the table whose program ends while its servos are on their way. Then something is to be stored at once, or one of them
+    /// reports an overload.
+    pub(super) fn end_under_way(&mut self, seed: u64) {
         let Some(table) = self.script.tables.last().filter(|_| !self.script.arm.servos.is_empty()) else { return };
         if !self.is_own_table_at_rest() || self.upload_once(table).0 != Ending::Done {
             return;
@@ -523,10 +548,17 @@ impl Host<'_> {
                 _ => return,
             }
         }
-        if seed & 1 == 0 {
-            self.upload(0);
-        } else {
-            self.set_offsets(0.01 * (1 + seed % 7) as f32);
+        match seed % 3 {
+            0 => self.upload(0),
+            1 => drop(self.set_offsets(0.01 * (1 + seed % 7) as f32)),
+            _ => {
+                let overloaded = 1 << ((seed >> 8) as usize % self.script.arm.servos.len());
+                world::with(|world| world.break_servos(ServoFaults { overloaded, ..ServoFaults::default() }));
+                world::pass(2 * SETTLE_MS);
+                world::with(|world| world.break_servos(ServoFaults::default()));
+                self.events();
+                self.command("clear", Command::Clear);
+            }
         }
     }
 

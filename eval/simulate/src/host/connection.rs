@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use darm_core::sequencer::Command;
 use darm_core::wire::message::Status;
+use darm_device::client::stop::Confirmation;
 use darm_device::client::{Client, ClientError, TimedEvent, TransportError};
 use darm_device::link::faulty::{Faults, Faulty};
 use darm_device::link::{Link, LinkError};
@@ -180,6 +181,14 @@ pub(super) trait Observed {
 impl Observed for () {}
 
 impl Observed for Vec<TimedEvent> {}
+
+impl Observed for Confirmation {
+    fn observe(&self, asked_ns: u64) {
+        if *self == Self::Confirmed {
+            world::with(|world| world.person.on_servos_confirmed(world.now_ns(), asked_ns));
+        }
+    }
+}
 
 impl Observed for Status {
     fn observe(&self, asked_ns: u64) {

@@ -101,6 +101,7 @@ impl Host<'_> {
             world::pass(2 * SETTLE_MS);
             self.renew();
             self.try_all(seed >> 16);
+            self.halt();
         }
         self.put_profile(&self.script.arm.profile());
     }

@@ -4,7 +4,7 @@ use darm_arm::board_profile::BoardProfile;
 use darm_arm::image::UploadImage;
 use darm_core::output::{ActuatorWiring, Coil, CoilLimit, Drive, ServoWiring, SwitchLimit, Wiring};
 use darm_core::sequencer::Command;
-use darm_core::units::Digest;
+use darm_core::units::{DeviceId, Digest};
 use darm_core::wire::message::{CHUNK, Request};
 use rand::RngExt as _;
 use rand_chacha::ChaCha8Rng;
@@ -47,7 +47,7 @@ pub fn beyond(rng: &mut ChaCha8Rng, wiring: &Wiring, profile: Digest) -> Option<
     let mut wiring = wiring.clone();
     widen(rng, &mut wiring);
     let (model, rows) = (rng.random::<u64>() | 1, rng.random_range(2..30));
-    let plan = TablePlan { wiring: &wiring, profile, model, rows, ends_under_way: false };
+    let plan = TablePlan { wiring: &wiring, profile, model, rows, ends_under_way: false, device: None };
     if rng.random() {
         return Table::draw(rng, &plan);
     }
@@ -72,7 +72,7 @@ pub fn recombined(rng: &mut ChaCha8Rng, wiring: &Wiring, profile: Digest) -> Opt
         }
     }
     let (model, rows) = (rng.random::<u64>() | 1, rng.random_range(2..30));
-    Table::draw(rng, &TablePlan { wiring: &wiring, profile, model, rows, ends_under_way: false })
+    Table::draw(rng, &TablePlan { wiring: &wiring, profile, model, rows, ends_under_way: false, device: None })
 }
 
 /// Each latch is reset by the line that resets the next one.
@@ -100,7 +100,14 @@ fn lengthen(coil: &mut Coil) {
 pub fn of_another_profile(rng: &mut ChaCha8Rng, wiring: &Wiring) -> Option<Table> {
     let (model, rows) = (rng.random::<u64>() | 1, rng.random_range(2..30));
     let profile = Digest(rng.random());
-    Table::draw(rng, &TablePlan { wiring, profile, model, rows, ends_under_way: false })
+    Table::draw(rng, &TablePlan { wiring, profile, model, rows, ends_under_way: false, device: None })
+}
+
+/// A table within all limits of this wiring that names the profile of the board and another device.
+pub fn of_another_device(rng: &mut ChaCha8Rng, wiring: &Wiring, profile: Digest) -> Option<Table> {
+    let (model, rows) = (rng.random::<u64>() | 1, rng.random_range(2..30));
+    let device = Some(DeviceId(rng.random()));
+    Table::draw(rng, &TablePlan { wiring, profile, model, rows, ends_under_way: false, device })
 }
 
 /// A table that a board without a profile takes: valves at the first lines, as the limits that are built in allow.
@@ -115,7 +122,10 @@ pub fn of_no_profile(rng: &mut ChaCha8Rng) -> Option<Table> {
         ..Wiring::default()
     };
     let (model, rows) = (rng.random::<u64>() | 1, 2);
-    Table::draw(rng, &TablePlan { wiring: &wiring, profile: Digest([0; 32]), model, rows, ends_under_way: false })
+    Table::draw(
+        rng,
+        &TablePlan { wiring: &wiring, profile: Digest([0; 32]), model, rows, ends_under_way: false, device: None },
+    )
 }
 
 /// A profile that allows what this one does not. Nobody holds the button: the board must refuse it.

@@ -108,6 +108,16 @@ impl Person {
         self.lost_ns.is_some_and(|lost_ns| last().is_none_or(|at_ns| at_ns < lost_ns))
     }
 
+    /// A stop that was requested at `asked_ns` is confirmed for the servos, too: a board that has lost its profile knows none.
+    pub fn on_servos_confirmed(&mut self, now_ns: u64, asked_ns: u64) {
+        if self.is_lost() && self.lost_ns < Some(asked_ns) {
+            self.verdict.note(JUDGE, "lost-servos-confirmed", now_ns, || {
+                "a stop is confirmed for the servos, and the board has lost the profile that says which there are"
+                    .to_owned()
+            });
+        }
+    }
+
     /// The board says which profile is in force.
     pub fn on_in_force(&mut self, now_ns: u64, digest: Digest) {
         if self.allowed.contains(&digest) {
@@ -185,6 +195,18 @@ mod tests {
         assert!(!person.is_lost());
         person.on_lost(9_000 * MS);
         assert!(person.is_lost(), "what was written before is what was damaged");
+    }
+
+    #[test]
+    fn a_board_without_its_profile_confirms_no_servo() {
+        let confirmed = |asked_ms: u64| {
+            let mut person = person();
+            person.on_lost(50 * MS);
+            person.on_servos_confirmed(60 * MS, asked_ms * MS);
+            person.finish().has("lost-servos-confirmed")
+        };
+        assert!(confirmed(51));
+        assert!(!confirmed(49), "it may have been answered before the loss");
     }
 
     #[test]

@@ -78,6 +78,11 @@ impl Pins {
         }
     }
 
+    /// Whether output enable is low: the lines are driven.
+    pub fn is_driven(&self) -> bool {
+        self.chain.is_driven()
+    }
+
     /// Lines that are high for certain.
     pub fn high(&self) -> u64 {
         self.lines.high

@@ -11,7 +11,7 @@ use super::{Party, World};
 use crate::arm::{EMERGENCY_STOP, Table};
 use crate::hostile::{self, Sent};
 use crate::judge::reports::Ending;
-use crate::script::{Timed, WorldAct};
+use crate::script::{Foreign, Timed, WorldAct};
 
 /// A disturbance that lasts, with its end and what it draws from.
 pub(super) struct Active {
@@ -75,11 +75,11 @@ impl World {
                 self.send_hostile(vec![sent]);
                 self.begin_quiet();
             }
-            WorldAct::ForeignTable(is_without) => {
-                let table = if is_without {
-                    hostile::tables::of_no_profile(&mut rng)
-                } else {
-                    hostile::tables::of_another_profile(&mut rng, &self.wiring)
+            WorldAct::ForeignTable(of) => {
+                let table = match of {
+                    Foreign::NoProfile => hostile::tables::of_no_profile(&mut rng),
+                    Foreign::OtherProfile => hostile::tables::of_another_profile(&mut rng, &self.wiring),
+                    Foreign::OtherDevice => hostile::tables::of_another_device(&mut rng, &self.wiring, self.profile),
                 };
                 // Nobody may ever see it loaded: the judge does not know it.
                 if let Some(table) = table {
@@ -305,7 +305,7 @@ impl World {
                 WorldAct::UnconfirmedServos(servos, _) => broken.servos.unconfirmed |= servos,
                 WorldAct::OverloadedServos(servos, _) => broken.servos.overloaded |= servos,
                 WorldAct::CutReturn(_) => chain.return_cut = true,
-                WorldAct::StuckEnable(_) => chain.enable_low = true,
+                WorldAct::StuckEnable(is_high, _) => chain.enable = Some(is_high),
                 WorldAct::DeadValve(_) => {
                     let wired = self.wiring.coils.get(active.index as usize % self.wiring.coils.len().max(1));
                     let lines = wired.map_or((0, None), |coil| coil.drive.lines());

@@ -56,8 +56,8 @@ pub enum Pin {
 pub struct ChainFaults {
     /// The wire from the serial output of the last chip is cut: it reads low.
     pub return_cut: bool,
-    /// Output enable reads low, whatever the board drives.
-    pub enable_low: bool,
+    /// The level that output enable reads, `true` for high, whatever the board drives.
+    pub enable: Option<bool>,
 }
 
 /// Memory that outlives a reset.
@@ -180,8 +180,8 @@ impl OutputPin for Wire {
 
 impl InputPin for Wire {
     fn is_high(&mut self) -> Result<bool, Infallible> {
-        let is_stuck = self.1 == Pin::Enable && self.0.faults.get().enable_low;
-        Ok(!is_stuck && self.0.levels.get() >> self.1 as u8 & 1 != 0)
+        let stuck = self.0.faults.get().enable.filter(|_| self.1 == Pin::Enable);
+        Ok(stuck.unwrap_or(self.0.levels.get() >> self.1 as u8 & 1 != 0))
     }
 
     fn is_low(&mut self) -> Result<bool, Infallible> {
