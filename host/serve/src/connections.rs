@@ -4,9 +4,9 @@
 //! person's stop out. A new connection therefore always gets a place: where all are taken, the one that has waited longest for
 //! a request is closed, and where all have one, that with the oldest request. One that does not read its answer keeps its place until then.
 //!
-//! Two are never closed for a place: one that carried a request of the page with control a moment ago, so that what renews its
-//! control finds a connection open, and one whose stop is not answered yet. Its connection for stops has no place here: it leaves
-//! once it is opened, see `stop_line.rs`.
+//! A few are never closed for a place: those that carried a request of the page with control a moment ago, so that what renews its
+//! control finds a connection open. One whose stop is not answered yet is closed after all others: its stop is in force already.
+//! The page's connection for stops has no place here: it leaves once it is opened, see `stop_line.rs`.
 
 use std::future::Future;
 use std::io;
@@ -153,15 +153,15 @@ impl Open {
     }
 }
 
-/// The connection that is missed least; `None` where all are kept.
+/// The connection that is missed least; `None` where all are those of the page with control, which are fewer than there are places.
 fn first_to_close(all: &[Doing], now: Instant) -> Option<usize> {
     let is_recent = |doing: &Doing| doing.of_control.filter(|at| now.saturating_duration_since(*at) < KEPT);
     let mut recent: Vec<Instant> = all.iter().filter_map(is_recent).collect();
     recent.sort_unstable_by(|a, b| b.cmp(a));
     let kept_from = recent.get(MAX_KEPT - 1).or(recent.last()).copied();
-    let is_kept = |doing: &Doing| doing.is_stop || is_recent(doing).zip(kept_from).is_some_and(|(at, from)| at >= from);
+    let is_kept = |doing: &Doing| is_recent(doing).zip(kept_from).is_some_and(|(at, from)| at >= from);
     let others = all.iter().enumerate().filter(|(_, doing)| !is_kept(doing));
-    others.min_by_key(|(_, doing)| (doing.has_request, doing.since)).map(|(index, _)| index)
+    others.min_by_key(|(_, doing)| (doing.is_stop, doing.has_request, doing.since)).map(|(index, _)| index)
 }
 
 impl Activity {
@@ -218,7 +218,7 @@ mod tests {
     use super::{Doing, KEPT, MAX_KEPT, first_to_close};
 
     #[test]
-    fn connections_of_the_page_with_control_and_running_stops_keep_their_places() {
+    fn connections_of_the_page_with_control_keep_their_places_and_running_stops_leave_last() {
         let now = Instant::now();
         let ago = |ms: u64| now.checked_sub(Duration::from_millis(ms)).unwrap();
         let idle = |ms| Doing { has_request: false, is_stop: false, since: ago(ms), of_control: None };
@@ -227,7 +227,9 @@ mod tests {
         let busy = Doing { has_request: true, ..idle(7_000) };
         assert_eq!(first_to_close(&[page, stop, busy, idle(10), idle(20)], now), Some(4));
         assert_eq!(first_to_close(&[page, stop, busy], now), Some(2));
-        assert_eq!(first_to_close(&[page, stop], now), None);
+        // Stops of everybody else would take all places otherwise.
+        assert_eq!(first_to_close(&[page, stop, Doing { since: ago(8_001), ..stop }], now), Some(2));
+        assert_eq!(first_to_close(&[page], now), None);
         let left = Doing { of_control: Some(now.checked_sub(KEPT).unwrap()), ..page };
         assert_eq!(first_to_close(&[left, stop, idle(10)], now), Some(0));
         // A page that opens more of them than a browser does keeps the latest.
