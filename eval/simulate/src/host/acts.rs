@@ -15,7 +15,7 @@ use crate::arm::Table;
 use crate::judge::reports::Ending;
 use crate::script::{StopForm, TurnFault};
 use crate::words;
-use crate::world::{self, ALL_SWITCHES, Party};
+use crate::world::{self, ALL_SWITCHES, BACK_MS, Party};
 
 /// No program of a script lasts longer, s.
 const LONGEST_PROGRAM_S: u32 = 25;
@@ -441,8 +441,10 @@ impl Host<'_> {
                 self.command("play", Command::Play);
             }
             TurnFault::Deaf => {
+                // On its way it would leave its next target, which is noticed before.
+                world::pass(BACK_MS);
                 world::with(|world| world.break_servos(ServoFaults { deaf: mask, ..none }));
-                self.command_while_deaf(Command::Servo { servo: index as u8, angle_rad: -far_rad });
+                self.command_while_deaf(Command::Servo { servo: index as u8, angle_rad: -far_rad }, seed);
             }
             TurnFault::StopAndStore => {
                 let others = ServoFaults { mute: !mask, ..none };
@@ -463,20 +465,23 @@ impl Host<'_> {
     }
 
     /// What a servo that takes no order is to do; once that had to be noticed nothing else is driven.
-    fn command_while_deaf(&mut self, order: Command) {
+    fn command_while_deaf(&mut self, order: Command, seed: u64) {
         let began_ns = world::with(|world| world.now_ns());
         if self.command("turn", order) != Ending::Done {
             return;
         }
         world::pass(DEAF_MS);
-        let coil = Command::Coil { coil: 0, on_ms: PULSE_MS };
-        let is_accepted = self.command("coil", coil) == Ending::Done;
-        world::with(|world| {
-            let is_alone = !world.has_other_acted_since(Party::First, began_ns) && !world.is_hostile_since(began_ns);
-            if is_accepted && is_alone && world.pins.started_ns() < began_ns {
-                world.reports.on_accepted_while_deaf(world.now_ns(), &format!("{order:?}"), &format!("{coil:?}"));
-            }
-        });
+        let coil = Command::Coil { coil: self.script.arm.steady_coil().unwrap_or(0), on_ms: PULSE_MS };
+        for command in [coil, Command::Word(words::word(&self.script.arm, seed))] {
+            let is_accepted = self.command("while deaf", command) == Ending::Done;
+            world::with(|world| {
+                let is_other = world.has_other_acted_since(Party::First, began_ns) || world.is_hostile_since(began_ns);
+                if is_accepted && !is_other && world.pins.started_ns() < began_ns {
+                    let (order, command) = (format!("{order:?}"), format!("{command:?}"));
+                    world.reports.on_accepted_while_deaf(world.now_ns(), &order, &command);
+                }
+            });
+        }
     }
 
     /// The input of one of the arm's limit switches.
