@@ -144,8 +144,8 @@ pub enum TurnFault {
     Silent,
     /// A stop, and a table to store right behind it, while the others may answer nothing.
     StopAndStore,
-    /// It takes no order any more and answers as ever; then commands come.
-    Deaf,
+    /// It takes no order any more and answers each; then commands come.
+    Stubborn,
 }
 
 impl TurnFault {
@@ -159,7 +159,7 @@ impl TurnFault {
         Self::Silent,
         Self::StopDeaf,
         Self::StopAndStore,
-        Self::Deaf,
+        Self::Stubborn,
     ];
 }
 

@@ -252,8 +252,8 @@ impl World {
     /// True if nothing has disturbed the board since then. A servo that hears nothing, or whose answers nobody hears, cannot be
     /// stopped by either host, whichever has broken it.
     pub fn is_undisturbed_since(&self, since_ns: u64) -> bool {
-        let ServoFaults { silent, mute, deaf, .. } = self.act_faults;
-        if silent | mute | deaf != 0 {
+        let ServoFaults { silent, mute, deaf, stubborn, .. } = self.act_faults;
+        if silent | mute | deaf | stubborn != 0 {
             return false;
         }
         let armed = |active: &Active| matches!(active.act, WorldAct::FlashCut(..)) && active.end_ns == u64::MAX;
@@ -368,13 +368,13 @@ impl World {
             self.look_at_supply(now_ns);
         }
         let broken = self.bench.plant().broken();
-        let ServoFaults { silent, mute, deaf, unconfirmed, damaged, .. } = broken.servos;
+        let ServoFaults { silent, mute, deaf, stubborn, unconfirmed, damaged, .. } = broken.servos;
         // A board that has lost its profile knows no servo: it can stop none, and no order gives one another goal.
         if self.person.is_lost() {
             self.servos.on_uncontrolled(now_ns);
         }
         let is_noisy = self.is_bus_noisy() || self.person.is_lost();
-        let unheard = silent | mute | deaf | unconfirmed | damaged;
+        let unheard = silent | mute | deaf | stubborn | unconfirmed | damaged;
         let overloaded = broken.servos.overloaded;
         let is_bus_clear = unheard == 0 && !is_noisy;
         let joint = |(index, state): (usize, ServoState)| {

@@ -38,7 +38,7 @@ const STOPS: u32 = 6;
 /// Questions whether a program has begun, each 50 ms: no approach lasts longer.
 const APPROACH_POLLS: u32 = 120;
 /// A servo that takes no order is noticed within this time: four tries, and its time-out, ms.
-const DEAF_MS: u64 = 800;
+const STUBBORN_MS: u64 = 800;
 /// A coil that is on while servos turn, ms: longer than the time-out of a servo.
 const LONG_MS: u32 = 700;
 /// Commands by hand while switches are stuck, and the longest pause between two, ms: about the time of travel.
@@ -440,11 +440,11 @@ impl Host<'_> {
                 self.command("turn", turn);
                 self.command("play", Command::Play);
             }
-            TurnFault::Deaf => {
+            TurnFault::Stubborn => {
                 // On its way it would leave its next target, which is noticed before.
                 world::pass(BACK_MS);
-                world::with(|world| world.break_servos(ServoFaults { deaf: mask, ..none }));
-                self.command_while_deaf(Command::Servo { servo: index as u8, angle_rad: -far_rad }, seed);
+                world::with(|world| world.break_servos(ServoFaults { stubborn: mask, ..none }));
+                self.command_while_stubborn(Command::Servo { servo: index as u8, angle_rad: -far_rad }, seed);
             }
             TurnFault::StopAndStore => {
                 let others = ServoFaults { mute: !mask, ..none };
@@ -465,20 +465,20 @@ impl Host<'_> {
     }
 
     /// What a servo that takes no order is to do; once that had to be noticed nothing else is driven.
-    fn command_while_deaf(&mut self, order: Command, seed: u64) {
+    fn command_while_stubborn(&mut self, order: Command, seed: u64) {
         let began_ns = world::with(|world| world.now_ns());
         if self.command("turn", order) != Ending::Done {
             return;
         }
-        world::pass(DEAF_MS);
+        world::pass(STUBBORN_MS);
         let coil = Command::Coil { coil: self.script.arm.steady_coil().unwrap_or(0), on_ms: PULSE_MS };
         for command in [coil, Command::Word(words::word(&self.script.arm, seed))] {
-            let is_accepted = self.command("while deaf", command) == Ending::Done;
+            let is_accepted = self.command("while stubborn", command) == Ending::Done;
             world::with(|world| {
                 let is_other = world.has_other_acted_since(Party::First, began_ns) || world.is_hostile_since(began_ns);
                 if is_accepted && !is_other && world.pins.started_ns() < began_ns {
                     let (order, command) = (format!("{order:?}"), format!("{command:?}"));
-                    world.reports.on_accepted_while_deaf(world.now_ns(), &order, &command);
+                    world.reports.on_accepted_while_stubborn(world.now_ns(), &order, &command);
                 }
             });
         }

@@ -173,8 +173,8 @@ impl Reports {
     }
 
     /// A command was confirmed although a servo has not taken the order before it for longer than it may.
-    pub fn on_accepted_while_deaf(&mut self, now_ns: u64, order: &str, command: &str) {
-        self.verdict.note(JUDGE, "accepted-while-deaf", now_ns, || {
+    pub fn on_accepted_while_stubborn(&mut self, now_ns: u64, order: &str, command: &str) {
+        self.verdict.note(JUDGE, "accepted-while-stubborn", now_ns, || {
             format!("the board confirmed {command}, and a servo takes no order since {order}")
         });
     }

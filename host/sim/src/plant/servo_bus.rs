@@ -70,6 +70,8 @@ pub struct ServoFaults {
     pub mute: u8,
     /// They answer what they are asked, and nothing that is written to them arrives.
     pub deaf: u8,
+    /// They answer all that is written to them and keep what they have.
+    pub stubborn: u8,
     /// They do what is written to them, and their answers to that do not arrive.
     pub unconfirmed: u8,
     /// Some of their answers arrive with two bits changed, and with a sum that is right.
@@ -89,6 +91,7 @@ impl ServoFaults {
             blocked: bit(self.blocked),
             mute: bit(self.mute),
             deaf: bit(self.deaf),
+            stubborn: bit(self.stubborn),
             unconfirmed: bit(self.unconfirmed),
             damaged: bit(self.damaged),
             overloaded: bit(self.overloaded),
@@ -149,6 +152,11 @@ impl Servo {
 
     fn id(&self) -> u8 {
         self.registers[register::ID]
+    }
+
+    /// Whether it does what is written to it, if it hears that at all.
+    fn obeys(&self) -> bool {
+        self.faults.deaf | self.faults.stubborn == 0
     }
 
     fn get(&self, at: usize) -> u16 {
@@ -310,7 +318,7 @@ impl ServoBus {
             (instruction::PING, []) => self.answer(packet.id, answers, |_| Some(&[])),
             (instruction::READ, &[at, count]) => self.answer(packet.id, answers, |servo| servo.read(at, count)),
             (instruction::WRITE, [at, bytes @ ..]) if packet.id == BROADCAST => {
-                let hearing = |servo: &&mut Servo| servo.faults.silent | servo.faults.deaf == 0;
+                let hearing = |servo: &&mut Servo| servo.faults.silent == 0 && servo.obeys();
                 self.servos.iter_mut().filter(hearing).for_each(|servo| servo.write(*at, bytes));
             }
             (instruction::WRITE, [at, bytes @ ..]) => {
@@ -319,7 +327,9 @@ impl ServoBus {
                     if servo.faults.deaf != 0 {
                         return None;
                     }
-                    servo.write(*at, &bytes);
+                    if servo.obeys() {
+                        servo.write(*at, &bytes);
+                    }
                     (servo.faults.unconfirmed == 0).then_some(&[])
                 });
             }
@@ -330,7 +340,7 @@ impl ServoBus {
             }
             (instruction::SYNC_WRITE, [at, count, rest @ ..]) => {
                 for part in rest.chunks_exact(1 + usize::from(*count)) {
-                    if let Some(servo) = self.servo(part[0]).filter(|servo| servo.faults.deaf == 0) {
+                    if let Some(servo) = self.servo(part[0]).filter(|servo| servo.obeys()) {
                         servo.write(*at, &part[1..]);
                     }
                 }
@@ -343,7 +353,7 @@ impl ServoBus {
     /// What arrives of values that are written to the servo of this address.
     fn heard(&mut self, id: u8, bytes: &[u8]) -> Vec<u8> {
         let (mut heard, mut noise) = (bytes.to_vec(), self.noise);
-        let Some(servo) = self.servo(id).filter(|servo| servo.faults.misled != 0 && servo.faults.deaf == 0) else {
+        let Some(servo) = self.servo(id).filter(|servo| servo.faults.misled != 0 && servo.obeys()) else {
             return heard;
         };
         noise = scrambled(noise);
@@ -516,7 +526,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mute_servo_turns_a_deaf_one_answers_and_an_unconfirmed_write_acts() {
+    fn a_mute_servo_turns_a_deaf_or_stubborn_one_answers_and_an_unconfirmed_write_acts() {
         let mut mute = broken(ServoFaults { mute: 1, ..ServoFaults::default() });
         quarter_turn(&mut mute);
         assert!(mute.is_moving() && mute.states().next().is_some_and(|state| state.answers == 0));
@@ -524,6 +534,10 @@ mod tests {
         quarter_turn(&mut deaf);
         assert!(!deaf.is_moving());
         assert!(!deaf.receive(0.0, &packet(1, instruction::READ, &[56, 2])).is_empty());
+        let mut stubborn = broken(ServoFaults { stubborn: 1, ..ServoFaults::default() });
+        quarter_turn(&mut stubborn);
+        assert!(!stubborn.is_moving());
+        assert!(!stubborn.receive(0.0, &packet(1, instruction::WRITE, &[40, 1])).is_empty());
         let mut unconfirmed = broken(ServoFaults { unconfirmed: 1, ..ServoFaults::default() });
         assert!(unconfirmed.receive(0.0, &packet(1, instruction::WRITE, &[40, 1])).is_empty());
         assert!(unconfirmed.states().next().is_some_and(|state| state.has_torque));
