@@ -117,7 +117,7 @@ pub struct Value {
     pub value: f64,
     /// Its unit.
     pub unit: String,
-    /// Its 95 % confidence interval; `None` of a number that was chosen and not fitted.
+    /// Its 95 % confidence interval; `None` of a number that was chosen and not fitted, and of a value that is not the same all the time.
     pub ci95: Option<[f64; 2]>,
     /// Of a quantity that the model has, such as a mass: its value there. The value and its interval are the change from it.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -1,5 +1,6 @@
 //! Stage 5: what the selected effects leave, what else explains the measurements as well, and what to measure next.
 
+pub(crate) mod constancy;
 pub(crate) mod far_rows;
 pub mod fitted_terms;
 pub(crate) mod gate;

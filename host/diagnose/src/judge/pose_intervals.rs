@@ -2,9 +2,10 @@
 
 use darm_arm::arm::ArmScratch;
 
+use super::constancy::Fitted;
 use super::selected::SelectedPoses;
 use crate::linearise::arm_candidates;
-use crate::outcome::{Effect, Number, Value};
+use crate::outcome::{Dependence, Effect, Number, Value};
 use crate::prepare::observations;
 use crate::select::problem::RegressionProblem as _;
 use crate::select::problem::{Neighbours as _, Trial};
@@ -35,6 +36,22 @@ pub(crate) fn effects(selected: &SelectedPoses) -> Result<Vec<Effect>, NoTrial> 
         });
     }
     Ok(found)
+}
+
+/// Takes the intervals from values that are not the same all the time; gives what the residual depends on by them.
+pub(crate) fn withhold_of_changing(selected: &SelectedPoses, effects: &mut [Effect]) -> Vec<Dependence> {
+    let SelectedPoses { problem, best, run, .. } = *selected;
+    let (fit, rows) = (&best.fit, &problem.training.rows);
+    let time_s: Vec<f64> = rows.iter().map(|row| run.samples[row.sample].time_s).collect();
+    let reported = |(owner, _): &(usize, usize)| owner.checked_sub(selected.n_known());
+    let owners: Vec<Option<usize>> = fit.values.iter().map(reported).collect();
+    // Which value of its effect each one is: an effect has its values in a row.
+    let numbers = (0..owners.len()).map(|k| owners[..k].iter().filter(|owner| **owner == owners[k]).count());
+    let places: Vec<Option<(usize, usize)>> =
+        owners.iter().zip(numbers).map(|(owner, number)| owner.map(|owner| (owner, number))).collect();
+    let (groups, level) = (problem.training.groups(), problem.levels.structure);
+    let fitted = Fitted { residuals: &fit.residuals, columns: &fit.columns, time_s: &time_s, groups: &groups, level };
+    fitted.withhold_intervals(effects, &places).into_iter().map(|(_, dependence)| dependence).collect()
 }
 
 /// By how much the held-out error is larger without one of the effects, m.

@@ -39,6 +39,8 @@ pub(crate) fn judge(
     let look = |trial: &Trial<ToolPoses>| structure_after(selected, trial);
     let with = with_terms(problem, best, &mut remaining.depends_on, look)?;
     let is_wrong_in_part = far_rows::are_too_many(far_rows::far_rows(selected).len(), problem.training.rows.len());
+    let mut named = pose_intervals::effects(selected)?;
+    let changing = pose_intervals::withhold_of_changing(selected, &mut named);
     let explained = agreement::poses::explained(arm, selected.run, problem.training.distances_m(&best.predicted));
     let beyond_repeats = |trial: &Trial<ToolPoses>| Ok::<_, NoPose>(exceeds_noise(&left(selected, trial)?));
     let evidence = Evidence {
@@ -47,6 +49,7 @@ pub(crate) fn judge(
         is_ambiguous: alternatives.iter().any(|other| !is_same_part(other, &effects)),
         was_beyond_noise: before.beyond_noise || is_wrong_in_part || beyond_repeats(start)?,
         is_left: is_wrong_in_part
+            || !changing.is_empty()
             || beyond_repeats(best)?
             || remaining.beyond_noise
                 && (remaining.over_noise > MAX_OVER_NOISE || remaining.excess > UNEXPLAINED_SHARE * before.excess),
@@ -65,6 +68,9 @@ pub(crate) fn judge(
         remaining = before.clone();
     }
     let with_terms = kept.map(|with| WithTerms::of(problem, &with)).transpose()?;
+    if verdict.names_effects() {
+        remaining.depends_on.splice(0..0, changing);
+    }
     let mut next_measurement = None;
     if verdict == Verdict::NotIdentifiable {
         alternatives.splice(0..0, selected_as_alternatives(selected));
@@ -72,7 +78,7 @@ pub(crate) fn judge(
     }
     let judgement = Judgement {
         verdict,
-        effects: if verdict.names_effects() { pose_intervals::effects(selected)? } else { Vec::new() },
+        effects: if verdict.names_effects() { named } else { Vec::new() },
         alternatives,
         unobservable: pose_intervals::unobservable(best),
         unconfirmed: Vec::new(),

@@ -2,6 +2,7 @@
 
 use crate::agreement;
 use crate::effect::{Effect, Law, Place};
+use crate::judge::constancy::Fitted;
 use crate::judge::far_rows::{are_too_many, far_rows_of_signals};
 use crate::judge::gate::{self, Evidence, UNEXPLAINED_SHARE};
 use crate::judge::held_out::HeldOut;
@@ -84,6 +85,9 @@ pub(crate) fn judge(
     if let Some(scatter) = &scatter {
         remaining.splice(0..0, leave_beaten(selected, &mut effects, (&after, scatter))?);
     }
+    let changing = withhold_of_changing(selected, &mut effects);
+    let is_changing = !changing.is_empty();
+    remaining.splice(0..0, changing);
     let event = event(&problem.experiment, &effects);
     let is_event = event.is_some();
     remaining.splice(0..0, event);
@@ -104,6 +108,7 @@ pub(crate) fn judge(
             || is_any && chance_of_gain(selected)? < STRUCTURE_LEVEL,
         is_left: is_wrong_in_part
             || is_event
+            || is_changing
             || left > UNEXPLAINED_SHARE
             || over_noise > MAX_OVER_NOISE
             || rest.is_beyond_repeats
@@ -281,6 +286,42 @@ impl Rest {
             }
         }
     }
+}
+
+/// Takes the intervals from values that are not the same all the time; gives what the residual depends on by them.
+fn withhold_of_changing(selected: &SelectedSignals, effects: &mut [Effect]) -> Vec<Dependence> {
+    let SelectedSignals { problem, best, .. } = selected;
+    let (experiment, weighted) = (&problem.experiment, problem.under(best));
+    let n_axes = experiment.axes.len();
+    // Where each fitted value is reported: its effect, and its number there.
+    let mut places: Vec<Option<(usize, usize)>> = Vec::new();
+    for order in 0..best.fit.active.len() {
+        let candidate = selected.candidate(order);
+        let effect = effects.iter().position(|found| is_of(found, candidate));
+        for value in &candidate.values {
+            let place = effect.and_then(|effect| {
+                let is_own = |number: &usize| {
+                    let own = &effects[effect].values[*number];
+                    own.name == value.name && own.ci95.is_some() && !places.contains(&Some((effect, *number)))
+                };
+                (0..effects[effect].values.len()).find(is_own).map(|number| (effect, number))
+            });
+            places.push(place);
+        }
+    }
+    let residuals = weighted.training_residuals(&best.fit);
+    let columns: Vec<Vec<f64>> =
+        problem.indices(&best.fit.active).iter().map(|&value| weighted.column(value)).collect();
+    let time_s: Vec<f64> = problem.groups.training.iter().map(|&row| experiment.rows[row].time_s).collect();
+    let (groups, level) = (&problem.groups.blocks, STRUCTURE_LEVEL);
+    let fitted = Fitted { residuals: &residuals, columns: &columns, time_s: &time_s, groups, level };
+    let on_axis = |(value, dependence): (usize, Dependence)| {
+        let square =
+            |axis: &usize| columns[value].iter().skip(*axis).step_by(n_axes).map(|slope| slope * slope).sum::<f64>();
+        let axis = (0..n_axes).max_by(|a, b| square(a).total_cmp(&square(b))).unwrap_or(0);
+        Dependence { axis: Some(experiment.axes[axis].name.clone()), ..dependence }
+    };
+    fitted.withhold_intervals(effects, &places).into_iter().map(on_axis).collect()
 }
 
 /// Springs of joints in the place of bodies that are named.
