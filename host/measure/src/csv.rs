@@ -48,6 +48,9 @@ pub(super) fn content(file: &FileRef<'_>) -> Result<Content, ReadError> {
     if let Some(fault) = foreign::unread(path, &text).or_else(|| foreign::imported(path, &text)) {
         return Err(ReadError::Foreign { path: path.into(), fault });
     }
+    if !limits.has_room_for_lines(&text, b',') {
+        return Err(io(io::Error::other(limits.too_many_cells())));
+    }
     cut |= is_last_row_short(&text);
     if cut {
         let end = text.iter().rposition(|&byte| byte == b'\n').map_or(0, |at| at + 1);

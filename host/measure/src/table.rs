@@ -80,6 +80,17 @@ fn time_without_unit(column: &mut Column) -> Option<Finding> {
     Some(Finding::note(FindingKind::SuspectedUnit, text).in_column(name))
 }
 
+/// That rows repeat the ones before them, of which these are the lines: said once, for a log may have millions.
+fn repeated_rows(lines: &[usize]) -> Option<Finding> {
+    let (first, last) = (lines.first()?, lines.last()?);
+    let text = match lines.len() - 1 {
+        0 => "the row repeats the one before".to_owned(),
+        1 => format!("the row repeats the one before, and so does line {last}"),
+        n => format!("the row repeats the one before, and so do {n} others, the last in line {last}"),
+    };
+    Some(Finding::note(FindingKind::RepeatedRow, text).at_line(*first))
+}
+
 /// Where no column is called time, the one that may be by its name, and whose numbers only increase; says so.
 fn time_by_its_numbers(columns: &mut [Column]) -> Option<Finding> {
     if columns.iter().any(|column| column.meaning() == "time") {
@@ -165,7 +176,7 @@ impl Table {
                 words: Vec::new(),
             })
             .collect();
-        let (mut lines, mut positions, mut findings, mut before) = (Vec::new(), Vec::new(), Vec::new(), None);
+        let (mut lines, mut positions, mut repeated, mut before) = (Vec::new(), Vec::new(), Vec::new(), None);
         for record in file.records() {
             let record = record.map_err(wrong)?;
             if !limits.has_room_for(lines.len() + 1, header.len()) {
@@ -174,7 +185,7 @@ impl Table {
             let position = record.position().cloned().unwrap_or_else(csv::Position::new);
             let line = place_of(&text, Some(&position), 0).map_or(0, |place| place.line);
             if before.as_ref() == Some(&record) {
-                findings.push(Finding::note(FindingKind::RepeatedRow, "the row repeats the one before").at_line(line));
+                repeated.push(line);
             }
             if lines.is_empty() && is_units(record.iter()) {
                 return Err(ReadError::Foreign { path: path.into(), fault: foreign::row_of_units(path, line) });
@@ -192,6 +203,7 @@ impl Table {
         if lines.is_empty() {
             return Err(ReadError::Empty { path: path.into() });
         }
+        let mut findings: Vec<Finding> = repeated_rows(&repeated).into_iter().collect();
         findings.extend(columns.iter_mut().filter_map(time_without_unit));
         findings.extend(time_by_its_numbers(&mut columns));
         Ok((Self { path: path.into(), columns, lines, text, positions }, findings))

@@ -73,6 +73,13 @@ impl Limits {
     pub fn has_room_for(&self, rows: usize, columns: usize) -> bool {
         columns <= self.columns && rows.saturating_mul(columns.max(1)) <= self.cells
     }
+
+    /// Whether each line of a text may be taken apart into cells: a line of 40 MB would take 25 times as much. Separators in quotes count
+    /// too, so that there are some to spare.
+    pub fn has_room_for_lines(&self, text: &[u8], separator: u8) -> bool {
+        let count = |line: &[u8]| line.iter().filter(|byte| **byte == separator).count();
+        text.split(|byte| matches!(byte, b'\n' | b'\r')).all(|line| count(line) <= 4 * self.columns)
+    }
 }
 
 impl Files {
@@ -203,6 +210,14 @@ mod tests {
         {
             assert!(!files.has(Path::new(path)) && files.read(Path::new(path)).is_err(), "{path}");
         }
+    }
+
+    #[test]
+    fn a_line_of_very_many_cells_is_not_taken_apart() {
+        let limits = Limits { columns: 3, ..Limits::SERVER };
+        assert!(limits.has_room_for_lines(b"1,2,3\n\"a,b,c\",2,3\n", b','));
+        assert!(limits.has_room_for_lines(&b"1,2,3\r".repeat(100), b','));
+        assert!(!limits.has_room_for_lines(b"1\n1,2,3,4,5,6,7,8,9,10,11,12,13,14\n", b','));
     }
 
     #[cfg(unix)]

@@ -63,7 +63,11 @@ pub(crate) async fn serve(
         tokio::select! {
             _ = &mut ended => break,
             accepted = listener.accept() => match accepted {
-                Ok((stream, _)) => open.add(stream),
+                Ok((stream, _)) => {
+                    open.add(stream);
+                    // In a flood each is read before the next ones take its place.
+                    tokio::task::yield_now().await;
+                }
                 Err(_) => tokio::time::sleep(RETRY).await,
             },
         }

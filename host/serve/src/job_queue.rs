@@ -89,11 +89,23 @@ impl JobQueue {
             let _place = place;
             let _running = Ended(Arc::clone(&own.progress));
             *lock(&own.progress) = Some(Running { stage: "start", share: 0.0, since: Instant::now() });
-            work(&own)
+            let done = work(&own);
+            give_back_memory();
+            done
         };
         #[expect(clippy::disallowed_methods, reason = "the one place that begins work, with a place in the queue")]
         let done = tokio::task::spawn_blocking(run);
         done.await.map_err(|error| closed(&error))?
+    }
+}
+
+/// Gives memory that is free back to the system. A table leaves it in small pieces when it was taken apart, and the allocator of glibc
+/// keeps these for the thread that freed them: after some large uploads it had 1.2 GB.
+fn give_back_memory() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    // SAFETY: it has no preconditions, and any thread may call it (malloc_trim(3)).
+    unsafe {
+        libc::malloc_trim(0);
     }
 }
 

@@ -307,6 +307,8 @@ fn rows(body: &str, delimiter: char, limits: &Limits) -> Result<Vec<Row>, Fault>
             has_room(text.split_whitespace().count())?;
             rows.push(Row { line, cells: cells(text, delimiter) });
         }
+    } else if !limits.has_room_for_lines(body.as_bytes(), delimiter as u8) {
+        return Err(Fault::of_file(limits.too_many_cells()));
     } else {
         for record in reader(body, delimiter).records() {
             let record = record.map_err(|error| Fault::of_file(format!("no table: {error}")))?;
