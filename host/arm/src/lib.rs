@@ -4,6 +4,7 @@ pub mod arm;
 pub mod board_profile;
 pub mod draw;
 pub mod image;
+pub mod load;
 pub mod plan;
 pub mod reach;
 mod stage_settings;

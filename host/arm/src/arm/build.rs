@@ -11,6 +11,7 @@ use toml::Spanned;
 
 use super::quantities::{Checked, axis_of, mass, needed, point, pose_of, positive, states, vector};
 use super::raw::{RawArm, RawConditions, RawHead, RawKind, RawLeg, RawPose, RawServo, RawStage, RawSwitch};
+use super::strength::{RawStrength, Strength};
 use super::{
     Arm, ArmError, ArmFault, ArmModel, ArmScratch, Connection, FORMAT, Labels, MAX_STAGES, Places, Servo, ZERO_CELSIUS,
     effects,
@@ -60,6 +61,7 @@ fn build(raw: &RawArm) -> Checked<(Arm, Places)> {
         model,
         profile: None,
         connections: parts.connections,
+        strengths: parts.strengths,
         servos: parts.servos,
         length_scale_m: positive("length_scale_m", &raw.length_scale_m)?,
         labels: parts.labels,
@@ -118,6 +120,7 @@ struct Parts {
     stages: heapless::Vec<Stage<f64>, MAX_STAGES>,
     masses: Vec<Mass<f64>>,
     connections: Vec<Connection>,
+    strengths: Vec<Option<Strength>>,
     servos: Vec<Servo>,
     labels: Labels,
     places: Places,
@@ -184,6 +187,8 @@ impl Parts {
             switch: raw.switch.as_ref(),
             travel_ms: raw.travel_ms,
         })?;
+        let strength = RawStrength { cylinder: raw.cylinder.as_ref(), force: raw.force.as_ref(), torque_nm: None };
+        self.strengths.push(strength.check(JointKind::Prismatic)?);
         let dimension = if LEGS == 3 { 2 } else { 3 };
         Ok(Leg { base: point(&raw.base_m, dimension)?, top: point(&raw.top_m, dimension)?, length_m, states })
     }
@@ -210,6 +215,12 @@ impl Parts {
             switch: raw.switch.as_ref(),
             travel_ms: raw.travel_ms,
         })?;
+        let strength = RawStrength {
+            cylinder: raw.cylinder.as_ref(),
+            force: raw.force.as_ref(),
+            torque_nm: raw.torque_nm.as_ref(),
+        };
+        self.strengths.push(strength.check(axis.kind)?);
         Ok(DiscreteJoint { axis, values, states })
     }
 
@@ -314,6 +325,9 @@ fn check_keys(raw: &RawStage) -> Result<(), ArmFault> {
         ("outputs", raw.outputs.is_some(), discrete),
         ("switch", raw.switch.is_some(), discrete),
         ("travel_ms", raw.travel_ms.is_some(), discrete),
+        ("cylinder", raw.cylinder.is_some(), discrete),
+        ("force", raw.force.is_some(), discrete),
+        ("torque_nm", raw.torque_nm.is_some(), discrete),
         ("offset_deg", raw.offset_deg.is_some(), kind == RawKind::Servo),
         ("servo", raw.servo.is_some(), kind == RawKind::Servo),
     ];

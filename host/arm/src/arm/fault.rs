@@ -106,6 +106,22 @@ pub enum ArmFault {
         /// The state.
         state: u8,
     },
+    /// Two keys say what one actuator gives.
+    #[error("`{first}` and `{second}` both say what the actuator gives; remove one")]
+    TwoStrengths {
+        /// One key.
+        first: &'static str,
+        /// The other.
+        second: &'static str,
+    },
+    /// The rod of a cylinder does not fit its bore.
+    #[error("`rod_m` is {rod_m}; give at least 0, and less than `bore_m` = {bore_m}")]
+    Rod {
+        /// Diameter of the rod, m.
+        rod_m: f64,
+        /// Diameter of the piston, m.
+        bore_m: f64,
+    },
     /// The axis of a joint has no direction.
     #[error("the axis has no direction; give a vector that is not zero")]
     NoAxis,

@@ -32,6 +32,7 @@
 //! | `output` ?, `outputs` ? | of a leg or discrete joint: number of the board's output that feeds it; of three or four states two, for bits 0 and 1 of the digit |
 //! | `switch.closed_in` ? | the states in which its limit switch is closed; the profile has the input, at its first output |
 //! | `travel_ms` ? | longest time to the stop, 100 |
+//! | `cylinder`, `force`, `torque_nm` ? | one of them: what the actuator gives, as bore and rod, as push and pull, or as a torque |
 //! | `offset_deg` ?, `servo` | of a servo: its angle at 0; its address on the bus `id`, and the range of the joint `min_deg`, `max_deg` |
 //! | `pose` | of a link: pose of its top |
 //! | `[[effect]]` | `law`, `actuator`, `module` or `servo` (all of the arm without any), `state`, `plate`, `since_s` of a step, `until_s` of a drift, `until_switches` of wear, `along`, `square` and `frame` of a fitted term, and `values` with their units |
@@ -55,6 +56,7 @@ pub mod frames;
 mod quantities;
 pub(crate) mod raw;
 pub mod rounding;
+mod strength;
 mod travel;
 mod wiring;
 mod write;
@@ -75,8 +77,9 @@ use darm_robot::source::{Fault, FileError, Source, path_between};
 pub(crate) use fault::reason_of;
 
 pub use fault::{ArmFault, FrameFault};
+pub use strength::Strength;
 pub use travel::with_travel_ms;
-pub use wiring::{Part, WiringFault, WiringReason, wiring};
+pub use wiring::{Part, WiringFault, WiringReason, contradictions, wiring};
 
 /// The version of the file format.
 pub const FORMAT: u32 = 2;
@@ -107,6 +110,8 @@ pub struct Arm {
     pub profile: Option<PathBuf>,
     /// How each discrete actuator is connected to the board.
     pub connections: Vec<Connection>,
+    /// What each discrete actuator gives; `None` where the file does not say it.
+    pub strengths: Vec<Option<Strength>>,
     /// Each servo joint on the bus.
     pub servos: Vec<Servo>,
     /// One radian weighs as much as this length when poses are compared.
@@ -194,9 +199,11 @@ impl Arm {
         write::toml(self, self.profile.as_deref())
     }
 
-    /// Fingerprint of the arm file's text without the path of the profile: the first eight bytes of its SHA-256.
+    /// Fingerprint of the arm file's text without the path of the profile and what the actuators give, neither of which
+    /// moves the tool: the first eight bytes of its SHA-256.
     pub fn hash(&self) -> ModelHash {
-        let digest = Sha256::digest(write::toml(self, None).as_bytes());
+        let plain = Self { strengths: Vec::new(), ..self.clone() };
+        let digest = Sha256::digest(write::toml(&plain, None).as_bytes());
         ModelHash(digest.iter().take(8).fold(0, |hash, &byte| hash << 8 | u64::from(byte)))
     }
 

@@ -101,6 +101,9 @@ pub(super) struct RawStage {
     pub(super) outputs: Option<Spanned<Vec<u8>>>,
     pub(super) switch: Option<Spanned<RawSwitch>>,
     pub(super) travel_ms: Option<u16>,
+    pub(super) cylinder: Option<Spanned<RawCylinder>>,
+    pub(super) force: Option<Spanned<RawForce>>,
+    pub(super) torque_nm: Option<Spanned<Number>>,
     /// Of a servo.
     pub(super) offset_deg: Option<Number>,
     pub(super) servo: Option<Spanned<RawServo>>,
@@ -117,6 +120,22 @@ pub(super) struct RawLeg {
     pub(super) outputs: Option<Spanned<Vec<u8>>>,
     pub(super) switch: Option<Spanned<RawSwitch>>,
     pub(super) travel_ms: Option<u16>,
+    pub(super) cylinder: Option<Spanned<RawCylinder>>,
+    pub(super) force: Option<Spanned<RawForce>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawCylinder {
+    pub(super) bore_m: Spanned<Number>,
+    pub(super) rod_m: Option<Number>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawForce {
+    pub(super) push_n: Spanned<Number>,
+    pub(super) pull_n: Spanned<Number>,
 }
 
 #[derive(Deserialize)]

@@ -329,3 +329,37 @@ fn two_servos_with_one_address_are_refused_by_line_and_column() {
     assert_eq!(error, "arm.toml:36:9: module 3 and wrist have the bus address 2; give each servo a separate `id`");
     assert!(parse(&twice.replacen("id = 2", "id = 3", 1)).is_ok());
 }
+
+#[test]
+fn the_strength_of_an_actuator_reads_as_it_was_and_does_not_change_the_hash() {
+    let with = |line: &str| PLANAR4.replacen("travel_ms = 150", &format!("travel_ms = 150\n{line}"), 1);
+    let plain = parse(PLANAR4).unwrap();
+    for line in ["cylinder = { bore_m = 0.032, rod_m = 0.012 }", "force = { push_n = 80.0, pull_n = 35.5 }"] {
+        let arm = parse(&with(line)).unwrap();
+        assert!(arm.strengths[0].is_some() && arm.strengths[1].is_none());
+        assert_eq!((parse(&arm.to_toml()).unwrap(), arm.hash()), (arm, plain.hash()));
+    }
+    let joint = parse(&MIXED.replace("output = 4", "output = 4\ntorque_nm = 2.5")).unwrap();
+    assert_eq!(joint.strengths, [None, Some(Strength::Torque { torque_nm: 2.5 })]);
+    assert_round_trip(&joint);
+}
+
+#[test]
+fn a_strength_that_means_nothing_is_refused() {
+    let refused = |line: &str| {
+        let text = PLANAR4.replacen("travel_ms = 150", &format!("travel_ms = 150\n{line}"), 1);
+        let message = parse(&text).unwrap_err().to_string();
+        message.splitn(4, ':').last().unwrap().trim().to_owned()
+    };
+    assert_eq!(
+        refused("cylinder = { bore_m = 0.01, rod_m = 0.02 }"),
+        "`rod_m` is 0.02; give at least 0, and less than `bore_m` = 0.01"
+    );
+    assert_eq!(refused("force = { push_n = 0.0, pull_n = 1.0 }"), "push_n is 0; give a number above zero, at most 1e9");
+    assert_eq!(
+        refused("force = { push_n = 1.0, pull_n = 1.0 }\ncylinder = { bore_m = 0.01 }"),
+        "`cylinder` and `force` both say what the actuator gives; remove one"
+    );
+    let joint = MIXED.replace("output = 4", "output = 4\ncylinder = { bore_m = 0.01 }");
+    assert!(parse(&joint).unwrap_err().to_string().ends_with("a revolute joint has no key `cylinder`; remove it"));
+}

@@ -105,25 +105,39 @@ impl std::error::Error for WiringFault {}
 /// The arm names an output, limit switch or servo that the profile does not have, or none; or the board could not run
 /// the wiring safely.
 pub fn wiring(arm: &Arm, profile: &Profile) -> Result<Wiring, WiringFault> {
+    let (wiring, faults) = wiring_and_faults(arm, profile);
+    faults.into_iter().next().map_or(Ok(wiring), Err)
+}
+
+/// Everything in which an arm and the profile of a board do not fit together, part by part.
+pub fn contradictions(arm: &Arm, profile: &Profile) -> Vec<WiringFault> {
+    wiring_and_faults(arm, profile).1
+}
+
+/// The wiring of the parts that fit the profile, and what is wrong with the others.
+fn wiring_and_faults(arm: &Arm, profile: &Profile) -> (Wiring, Vec<WiringFault>) {
+    let mut faults = Vec::new();
     let mut wiring = Wiring { switch_limit: profile.supply, ..Wiring::default() };
     for (actuator, connection) in arm.connections.iter().enumerate() {
         let states = arm.model.chain.n_states(actuator) as u8;
-        add_actuator(&mut wiring, connection, states, profile).map_err(|reason| {
+        if let Err(reason) = add_actuator(&mut wiring, connection, states, profile) {
             let name = arm.actuator_name(actuator);
-            WiringFault { part: Part::Actuator(actuator), name, reason }
-        })?;
+            faults.push(WiringFault { part: Part::Actuator(actuator), name, reason });
+        }
     }
     for (number, servo) in arm.servos.iter().enumerate() {
-        add_servo(&mut wiring, servo, profile).map_err(|reason| {
-            let name = arm.servo_name(number);
-            WiringFault { part: Part::Servo(number), name, reason }
-        })?;
+        if let Err(reason) = add_servo(&mut wiring, number, servo, profile) {
+            faults.push(WiringFault { part: Part::Servo(number), name: arm.servo_name(number), reason });
+        }
     }
-    wiring.check().map_err(|error| {
+    // The parts that are left out would make it a wiring with gaps.
+    if faults.is_empty()
+        && let Err(error) = wiring.check()
+    {
         let reason = WiringReason::Wiring(error);
-        WiringFault { part: Part::Arm, name: arm.name.clone(), reason }
-    })?;
-    Ok(wiring)
+        faults.push(WiringFault { part: Part::Arm, name: arm.name.clone(), reason });
+    }
+    (wiring, faults)
 }
 
 fn add_actuator(
@@ -157,9 +171,8 @@ fn limit_switch(output: u8, closed_in: u8, profile: &Profile) -> Result<LimitSwi
 }
 
 /// A table's range is that of the joint; the board compares the angle of the shaft with the profile when it moves.
-fn add_servo(wiring: &mut Wiring, servo: &Servo, profile: &Profile) -> Result<(), WiringReason> {
+fn add_servo(wiring: &mut Wiring, number: usize, servo: &Servo, profile: &Profile) -> Result<(), WiringReason> {
     let Servo { id, min_rad, max_rad } = *servo;
-    let number = wiring.servos.len();
     let found = profile.servos.iter().position(|wired| wired.limit.id == id);
     let found = found.ok_or(WiringReason::NoServo { id })?;
     if found != number {

@@ -108,7 +108,11 @@ impl Parts<'_> {
 
     fn write_connection(&mut self, w: &mut String) -> fmt::Result {
         let Some(connection) = self.arm.connections.get(self.actuator) else { return Ok(()) };
+        let strength = self.arm.strengths.get(self.actuator).and_then(Option::as_ref);
         self.actuator += 1;
+        if let Some(strength) = strength {
+            writeln!(w, "{}", strength.line())?;
+        }
         match connection.outputs.as_slice() {
             [] => {}
             [one] => writeln!(w, "output = {one}")?,

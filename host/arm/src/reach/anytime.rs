@@ -28,8 +28,9 @@ use rayon::prelude::*;
 
 use super::ReachError;
 use super::exact::{Near, Nearest, Options, Query, Seeker as _, Tails, cut, extent_m, stages};
-use super::frames::{Frames, joined};
+use super::frames::Frames;
 use crate::arm::Arm;
+use crate::stage_settings::joined;
 
 /// What a bound may be wrong by, m.
 const ROUNDING_M: f64 = 1e-12;

@@ -6,6 +6,7 @@ use darm_core::units::Word;
 use super::ReachError;
 use super::steps::{Step, tabulate};
 use crate::arm::Arm;
+use crate::stage_settings::joined;
 
 /// Frames, each with the digits that make it.
 #[derive(Clone, Debug)]
@@ -42,11 +43,6 @@ impl Frames {
             digits: self.digits + next.digits,
         }
     }
-}
-
-/// The word with the digits of both, where each leaves those of the other 0.
-pub(super) fn joined(a: &Word, b: &Word) -> Word {
-    b.iter().enumerate().filter(|(_, digit)| *digit > 0).fold(*a, |word, (at, digit)| word.with_digit(at, digit))
 }
 
 /// The frames of each stage of `arm` for the digits that are `allowed`, with its servos at `servos_rad`; the mount

@@ -24,9 +24,10 @@ pub use self::seeker::switches;
 use self::seeker::{FewestSwitches, Shared};
 pub(super) use self::seeker::{Nearest, Seeker};
 use super::ReachError;
-use super::frames::{self, Frames, joined};
+use super::frames::{self, Frames};
 use super::tree::{Cell, Probe, Tree};
 use crate::arm::Arm;
+use crate::stage_settings::joined;
 
 /// Leaves whose memory is fetched at once.
 const FETCHED: usize = 64;
