@@ -13,3 +13,4 @@ pub mod synthesis;
 pub mod table_file;
 mod toml_text;
 pub mod wired_arm;
+pub mod wiring_list;
