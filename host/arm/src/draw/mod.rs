@@ -1,6 +1,7 @@
 //! Pictures: postures as lines in space ([`Scene`]) and their views as SVG ([`svg`]), charts, and the colours of both.
 
 pub mod chart;
+mod dimensions;
 pub mod page;
 pub mod palette;
 mod views;
@@ -14,6 +15,7 @@ use darm_core::tree::TreeError;
 use crate::arm::frames::DesiredFrame;
 use crate::arm::{Arm, ArmScratch};
 use darm_robot::robot::{Robot, RobotFrame};
+pub use dimensions::Dimension;
 pub use views::svg;
 
 /// What a line shows.
@@ -87,6 +89,8 @@ pub struct Scene {
     pub legs: Vec<Leg>,
     /// Names and the points they belong to, in the base frame, m.
     pub labels: Vec<(String, Vec3<f64>)>,
+    /// Lengths and angles; empty unless they were added.
+    pub dimensions: Vec<Dimension>,
     /// The centre of mass in the base frame, m, where there is mass.
     pub com: Option<Vec3<f64>>,
     /// Whether everything lies in the xy-plane.

@@ -4,7 +4,7 @@ use darm_core::real::Vec3;
 use maud::{Markup, PreEscaped, html};
 
 use super::palette::{AZURE, BLUE, GREEN, GRID, INK, MUTED, ORANGE, PALE, PAPER, RED};
-use super::{Leg, Part, Scene};
+use super::{Dimension, Leg, Part, Scene};
 
 /// The style sheet of a picture.
 fn style() -> String {
@@ -15,13 +15,16 @@ line{{stroke-linecap:round}}.link,.plate{{stroke:{INK};stroke-width:4}}\
 .contracted{{stroke:{MUTED};stroke-width:2.5}}.extended{{stroke:{BLUE};stroke-width:2.5}}\
 .revolute{{stroke:{ORANGE};stroke-width:7}}.prismatic{{stroke:{BLUE};stroke-width:7}}\
 .x{{stroke:{RED};stroke-width:2.5}}.y{{stroke:{GREEN};stroke-width:2.5}}.z{{stroke:{AZURE};stroke-width:2.5}}\
-.values{{stroke:transparent;stroke-width:9}}\
+.values{{stroke:transparent;stroke-width:9}}.leader{{fill:none;stroke:{MUTED};stroke-width:0.7}}.tip{{fill:{INK}}}\
 .com{{fill:{PAPER};stroke:{INK};stroke-width:2}}.bar{{stroke:{INK};stroke-width:2}}"
     )
 }
 
 /// Room around a view for names and the title, pixels.
 const MARGIN: f64 = 34.0;
+/// Width of the columns of dimensions left and right of a picture, and height of a line in them, pixels.
+const COLUMN: f64 = 190.0;
+const LINE: f64 = 15.0;
 
 /// How a view looks at the scene: the directions that point right and up on the paper.
 struct View {
@@ -30,25 +33,29 @@ struct View {
     up: Vec3<f64>,
     /// Left, top, width and height on the paper, pixels.
     area: [f64; 4],
+    /// Width of the columns of dimensions within it; 0 without.
+    column: f64,
 }
 
 /// The scene as one SVG, with the names of joints or stages if requested.
 pub fn svg(scene: &Scene, has_names: bool) -> String {
     let (x, y, z) = (Vec3::x(), Vec3::y(), Vec3::z());
+    let wider = if scene.dimensions.is_empty() { 0.0 } else { 2.0 * COLUMN };
     let (views, size) = if scene.is_planar {
-        (vec![View { title: "x, y", right: x, up: y, area: [0.0, 30.0, 640.0, 640.0] }], [640.0, 670.0])
+        let area = [0.0, 30.0, 640.0 + wider, 640.0];
+        (vec![View { title: "x, y", right: x, up: y, area, column: wider / 2.0 }], [640.0 + wider, 670.0])
     } else {
         let (a, e) = (-55f64.to_radians(), 24f64.to_radians());
         let (right, up) =
             (Vec3::new(-a.sin(), a.cos(), 0.0), Vec3::new(-a.cos() * e.sin(), -a.sin() * e.sin(), e.cos()));
-        let small = |row: f64| [600.0, 30.0 + 240.0 * row, 320.0, 240.0];
+        let small = |row: f64| [600.0 + wider, 30.0 + 240.0 * row, 320.0, 240.0];
         let views = vec![
-            View { title: "isometric", right, up, area: [0.0, 30.0, 600.0, 720.0] },
-            View { title: "front: x, z", right: x, up: z, area: small(0.0) },
-            View { title: "side: y, z", right: y, up: z, area: small(1.0) },
-            View { title: "top: x, y", right: x, up: y, area: small(2.0) },
+            View { title: "isometric", right, up, area: [0.0, 30.0, 600.0 + wider, 720.0], column: wider / 2.0 },
+            View { title: "front: x, z", right: x, up: z, area: small(0.0), column: 0.0 },
+            View { title: "side: y, z", right: y, up: z, area: small(1.0), column: 0.0 },
+            View { title: "top: x, y", right: x, up: y, area: small(2.0), column: 0.0 },
         ];
-        (views, [920.0, 750.0])
+        (views, [920.0 + wider, 750.0])
     };
     let [width, height] = size;
     let picture = html! {
@@ -96,8 +103,32 @@ impl View {
                 line x1=(n(x - 5.0)) x2=(n(x + 5.0)) y1=(n(y)) y2=(n(y)) stroke=(INK) {}
                 line x1=(n(x)) x2=(n(x)) y1=(n(y - 5.0)) y2=(n(y + 5.0)) stroke=(INK) {}
             }
+            @if self.column > 0.0 { (self.dimensions(&scene.dimensions, &at)) }
             @if has_names { (legs(scene, &at)) (names(scene, &at, left + 0.85 * width)) }
             (place.bar(left + 16.0, top + height - 16.0))
+        }
+    }
+
+    /// Dimensions in two columns, each with a line that leads to its place.
+    fn dimensions(&self, dimensions: &[Dimension], at: &impl Fn(&Vec3<f64>) -> [f64; 2]) -> Markup {
+        let [left, top, width, height] = self.area;
+        let mut placed: Vec<_> = dimensions.iter().map(|dimension| (dimension, at(&dimension.at))).collect();
+        placed.sort_by(|(_, [a, _]), (_, [b, _])| a.total_cmp(b));
+        let right = placed.split_off(placed.len() / 2);
+        let column = |mut side: Vec<(&Dimension, [f64; 2])>, text_x: f64, line_x: f64, anchor: &str| {
+            side.sort_by(|(_, [_, a]), (_, [_, b])| a.total_cmp(b));
+            let heights = spread(side.iter().map(|(_, [_, y])| *y), top + 44.0, top + height - 34.0);
+            html! {
+                @for ((dimension, [x, y]), line_y) in side.iter().zip(heights) {
+                    line.leader x1=(n(line_x)) y1=(n(line_y)) x2=(n(*x)) y2=(n(*y)) {}
+                    circle.tip cx=(n(*x)) cy=(n(*y)) r="2" {}
+                    text x=(n(text_x)) y=(n(line_y + 4.0)) text-anchor=(anchor) { (dimension.text) }
+                }
+            }
+        };
+        html! {
+            (column(placed, left + self.column - 5.0, left + self.column, "end"))
+            (column(right, left + width - self.column + 5.0, left + width - self.column, "start"))
         }
     }
 
@@ -110,10 +141,26 @@ impl View {
             .fold(infinite, |[x0, y0, x1, y1], [x, y]| [x0.min(x), y0.min(y), x1.max(x), y1.max(y)]);
         let [left, top, width, height] = self.area;
         let fit = |span: f64, room: f64| (room - 2.0 * MARGIN) / span.max(1e-3);
-        let scale = fit(x1 - x0, width).min(fit(y1 - y0, height));
+        let scale = fit(x1 - x0, width - 2.0 * self.column).min(fit(y1 - y0, height));
         let middle = [left + width / 2.0, top + height / 2.0 + 4.0];
         Place { scale, shift: [middle[0] - scale * (x0 + x1) / 2.0, middle[1] + scale * (y0 + y1) / 2.0] }
     }
+}
+
+/// Evenly spaced heights as near to the wanted ones, which rise, as the room from `top` to `bottom` allows.
+fn spread(wanted: impl Iterator<Item = f64>, top: f64, bottom: f64) -> Vec<f64> {
+    let mut heights: Vec<f64> = wanted.collect();
+    let mut from = top;
+    for height in &mut heights {
+        *height = height.max(from);
+        from = *height + LINE;
+    }
+    let mut to = bottom;
+    for height in heights.iter_mut().rev() {
+        *height = height.min(to);
+        to = *height - LINE;
+    }
+    heights
 }
 
 /// The name of each leg under the pointer; in a planar arm also the numbers of the actuators, at a third of the leg, where those
