@@ -5,6 +5,7 @@ pub mod board_profile;
 pub mod draw;
 pub mod image;
 pub mod load;
+pub mod new_arm;
 pub mod plan;
 pub mod reach;
 mod stage_settings;
