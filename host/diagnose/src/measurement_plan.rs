@@ -22,6 +22,7 @@ use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use crate::error::MIN_WORDS;
 use crate::linearise::arm_candidates;
 use crate::linearise::sensitivity::Sensitivity;
 use crate::measurement_plan::optimal_design::informative_first;
@@ -64,6 +65,31 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self { words: 96, visits: 3, repeated_words: 12, repeats: 7, hold_out: 0.25, seed: 1 }
+    }
+}
+
+/// A measurement plan of so few words that no diagnosis could be made of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{}", self.sentence())]
+pub struct TooFewToPlan {
+    /// Words that the arm has; of a large arm, that compete for a place.
+    pub of_arm: usize,
+    /// Words that the plan was to have.
+    pub wanted: usize,
+    /// Words that a plan needs at least.
+    pub needed: usize,
+}
+
+impl TooFewToPlan {
+    fn sentence(&self) -> String {
+        let Self { of_arm, wanted, needed } = self;
+        if of_arm < needed {
+            return format!(
+                "the arm has {of_arm} words, and a diagnosis needs a plan of {needed} to distinguish an effect from chance; \
+                 measure single words by `--words`, and compare them with `darm fk`"
+            );
+        }
+        format!("a plan of {wanted} words is too small to distinguish an effect from chance; give at least {needed}")
     }
 }
 
@@ -119,12 +145,24 @@ pub fn plan(arm: &Arm, options: &Options) -> Vec<Step> {
 }
 
 /// The visits of a measurement plan, each for `dwell_s`.
-pub fn measurement_visits(arm: &Arm, options: &Options, dwell_s: f64) -> Vec<PlannedVisit> {
+///
+/// # Errors
+///
+/// [`TooFewToPlan`]: no diagnosis could be made of its words.
+pub fn measurement_visits(arm: &Arm, options: &Options, dwell_s: f64) -> Result<Vec<PlannedVisit>, TooFewToPlan> {
+    let n_words = candidates(arm, options.seed).len();
+    let n_held_out = |n_words: usize| (options.hold_out * n_words as f64).round() as usize;
+    let is_enough = |n_words: usize| n_words.saturating_sub(n_held_out(n_words)) >= MIN_WORDS;
+    if !is_enough(n_words.min(options.words)) {
+        // With everything held out no number of words suffices.
+        let needed = (MIN_WORDS..=COMPETING).find(|&n_words| is_enough(n_words)).unwrap_or(COMPETING);
+        return Err(TooFewToPlan { of_arm: n_words, wanted: options.words, needed });
+    }
     let visit = |(number, step): (usize, Step)| PlannedVisit {
         held_out: step.held_out,
         visit: Visit { word: step.word, servos_rad: step.servos_rad, dwell_s, label: format!("visit {number}") },
     };
-    plan(arm, options).into_iter().enumerate().map(visit).collect()
+    Ok(plan(arm, options).into_iter().enumerate().map(visit).collect())
 }
 
 /// Parts the numbers of words, in the order in which they were drawn, into `n` that are held out and the others. Each state

@@ -10,7 +10,7 @@ use darm_arm::plan::{Plan, Visit};
 use darm_arm::reach::board;
 use darm_arm::wired_arm::WiredArm;
 use darm_core::units::{DeviceId, Word};
-use darm_diagnose::measurement_plan::{self, measurement_visits};
+use darm_diagnose::measurement_plan::{self, TooFewToPlan, measurement_visits};
 use darm_measure::visit_table::{MEASUREMENT_DWELL_S, PlannedVisit, VisitTable, default_dwell_s};
 use darm_measure::visits::Visits;
 use serde::Serialize;
@@ -56,7 +56,7 @@ pub(crate) struct Table {
     /// Visit the words that are most informative about missing effects
     #[arg(long)]
     measurement_plan: bool,
-    /// Number of different words in the measurement plan
+    /// Number of different words in the measurement plan; a diagnosis needs 27 or more
     #[arg(long, value_name = "N", default_value_t = 96, requires = "measurement_plan")]
     plan_words: usize,
     /// Seed of the measurement plan and of its held-out words
@@ -150,13 +150,13 @@ impl Table {
             return Ok(frame_visits(arm, path, dwell_s)?);
         }
         if self.measurement_plan {
-            return Ok(self.measurement_plan(arm, ui));
+            return Ok(self.measurement_plan(arm, ui)?);
         }
         let visits = self.words.iter().map(|word| self.word_visit(arm, word, dwell_s));
         Ok(visits.collect::<Result<_, Usage>>()?)
     }
 
-    fn measurement_plan(&self, arm: &Arm, ui: Ui) -> Vec<PlannedVisit> {
+    fn measurement_plan(&self, arm: &Arm, ui: Ui) -> Result<Vec<PlannedVisit>, TooFewToPlan> {
         let spinner = ui.spinner("choosing informative words");
         let options = measurement_plan::Options {
             words: self.plan_words,

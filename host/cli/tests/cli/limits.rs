@@ -111,7 +111,7 @@ fn a_measurement_plan_rests_where_the_first_profile_demands_it() {
     let arm = example("planar4.toml");
     home.succeeds(&format!("profile make {arm} -o first.toml"));
     let make =
-        |profile: &str| format!("table {arm} {profile} --measurement-plan --plan-words 16 --dwell 0.1 -o plan.darm");
+        |profile: &str| format!("table {arm} {profile} --measurement-plan --plan-words 28 --dwell 0.1 -o plan.darm");
     let made = home.json(&make("--profile first.toml"));
     assert!(made["rests"].as_u64().unwrap() > 0 && made["rests_s"].as_f64().unwrap() > 1.0, "{}", made["rests"]);
     let said = home.succeeds(&make("--profile first.toml"));

@@ -78,3 +78,25 @@ fn the_words_tell_more_than_random_ones() {
     let random: f64 = information(&steps.iter().take(96).map(|step| step.word).collect::<Vec<_>>());
     assert!(chosen > random + 1.0, "{chosen} {random}");
 }
+
+#[test]
+fn a_plan_that_no_diagnosis_could_use_is_refused() {
+    let visits = |arm: &Arm, words| {
+        let options = Options { words, ..Options::default() };
+        measurement_visits(arm, &options, 0.2).map(|visits| visits.len()).map_err(|error| error.to_string())
+    };
+    let planar4 = arm();
+    for words in [0, 1, 26] {
+        let refused =
+            format!("a plan of {words} words is too small to distinguish an effect from chance; give at least 27");
+        assert_eq!(visits(&planar4, words), Err(refused));
+    }
+    let steps = plan(&planar4, &Options { words: 27, ..Options::default() });
+    let training: BTreeSet<Word> = steps.iter().filter(|step| !step.held_out).map(|step| step.word).collect();
+    assert!(visits(&planar4, 27).is_ok() && training.len() >= MIN_WORDS, "{}", training.len());
+    let text = include_str!("../../../../examples/serial2.toml");
+    let small = Arm::parse(Path::new("serial2.toml"), text).unwrap();
+    let refused = "the arm has 9 words, and a diagnosis needs a plan of 27 to distinguish an effect from chance; measure single \
+                   words by `--words`, and compare them with `darm fk`";
+    assert_eq!(visits(&small, 96), Err(refused.to_owned()));
+}

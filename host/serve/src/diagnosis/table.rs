@@ -57,7 +57,10 @@ impl TableRequest {
         };
         let (planned, may_rest) = match self.of {
             Of::Words => (word_visits(next, default_dwell_s(arm, profile))?, false),
-            Of::Plan => (measurement_visits(arm, &measurement_plan::Options::default(), MEASUREMENT_DWELL_S), true),
+            Of::Plan => {
+                let visits = measurement_visits(arm, &measurement_plan::Options::default(), MEASUREMENT_DWELL_S);
+                (visits.map_err(|error| refused(&error))?, true)
+            }
         };
         let table = VisitTable { arm, profile, device: None, modules: &[], may_rest };
         let (plan, visits) = table.of(&planned).map_err(|error| refused(&error))?;
