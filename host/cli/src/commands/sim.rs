@@ -4,6 +4,7 @@ mod board;
 mod bridge;
 mod camera_server;
 mod hidden;
+mod terminal;
 
 use std::os::unix::net::UnixListener;
 use std::path::{Path, PathBuf};
@@ -15,9 +16,11 @@ use darm_arm::arm::Arm;
 use darm_arm::board_profile::BoardProfile;
 use darm_arm::stops::differences;
 use darm_arm::wired_arm::WiredArm;
+use darm_core::profile::{PICO, PinTable};
 use darm_core::units::Digest;
 use darm_diagnose::report::numbers::after;
 use darm_diagnose::truth::{Sealed, Truth};
+use darm_sim::pico;
 use darm_sim::plant::Broken;
 use darm_sim::qemu::{self, Console};
 use serde::Serialize;
@@ -35,6 +38,7 @@ Examples:
   darm sim arm.toml                       # board, arm and camera; in another terminal: darm console
   darm sim arm.toml --pty                 # its port is a pseudo terminal, for any terminal program
   darm sim arm.toml --in-process          # the firmware's library in this process
+  darm sim pneumatic9.toml                # its profile names the Pico
   darm sim arm.toml --effect any --seed 7 # an undeclared effect in the arm: measure and diagnose it
   darm sim arm3.toml --before arm.toml --effect any --seed 7   # the same arm after its adjustment
   darm sim arm.toml --line-low 4          # output line 4 is stuck low: its limit switch reveals it
@@ -56,9 +60,10 @@ pub(crate) struct Sim {
     /// The arm on the board's pins
     #[arg(value_name = "ARM.toml")]
     arm: PathBuf,
-    /// The board whose image runs in its emulator: QEMU, or rp2040js for the Pico
-    #[arg(long, value_enum, value_name = "BOARD", default_value_t = Emulated::BL475eIot01a)]
-    board: Emulated,
+    /// The board whose image runs in its emulator: QEMU, or rp2040js for the Pico [default: the one that the profile names, or
+    /// b-l475e-iot01a]
+    #[arg(long, value_enum, value_name = "BOARD")]
+    board: Option<Emulated>,
     /// ELF file of the firmware; default: the one in this program, else the one built in this workspace
     #[arg(long, value_name = "ELF", env = firmware_image::VARIABLE)]
     firmware: Option<PathBuf>,
@@ -79,7 +84,7 @@ pub(crate) struct Sim {
     #[arg(long)]
     pty: bool,
     /// Run the firmware's library in this process; the default without the emulator or without an image
-    #[arg(long, conflicts_with = "pty")]
+    #[arg(long)]
     in_process: bool,
     /// Undeclared effect in the arm
     #[arg(long, value_name = "KIND", default_value = "none", value_parser = Effect::parser())]
@@ -112,6 +117,22 @@ enum Emulated {
     BL475eIot01a,
     /// Raspberry Pi Pico
     Pico,
+}
+
+impl Emulated {
+    /// The board that a profile names; the first one where it names none.
+    fn of(profile: Option<&BoardProfile>) -> Self {
+        let pins = profile.and_then(|profile| PinTable::of_layout(profile.profile.board.layout?));
+        if pins == Some(&PICO) { Self::Pico } else { Self::BL475eIot01a }
+    }
+
+    /// What its image is called.
+    fn image(self) -> firmware_image::Board {
+        match self {
+            Self::BL475eIot01a => firmware_image::Board::BL475eIot01a,
+            Self::Pico => firmware_image::Board::Pico,
+        }
+    }
 }
 
 /// Board, arm and addresses of the running simulator.
@@ -205,40 +226,39 @@ impl Sim {
     }
 
     fn start(&self, ui: Ui, setup: &Setup<'_>) -> anyhow::Result<(Board, Frames)> {
-        if self.board == Emulated::Pico {
-            if self.pty || self.in_process {
-                return Err(Usage(
-                    "the Pico runs in its emulator, at a socket; leave out --pty and --in-process".into(),
-                )
-                .into());
-            }
-            let elf = firmware_image::find_for(firmware_image::Board::Pico, self.firmware.as_deref())?;
-            return Board::pico(&elf, setup);
+        let console = if self.pty { Console::Pty } else { Console::Socket };
+        let board = self.board.unwrap_or_else(|| Emulated::of(setup.profile));
+        if self.in_process {
+            return Board::in_process(setup, console);
         }
-        match self.emulator(ui)? {
-            Some(emulator) => Board::emulated(emulator, setup),
-            None => Board::in_process(setup),
+        match self.image(board)? {
+            Ok(elf) if board == Emulated::Pico => Board::pico(&elf, setup),
+            Ok(elf) => Board::emulated(Emulator { elf, console }, setup),
+            Err(missing) => {
+                ui.note(&format!("{missing}; running the firmware's library in this process instead"));
+                Board::in_process(setup, console)
+            }
         }
     }
 
-    /// How to start the emulator; `None` to run the library in this process.
-    fn emulator(&self, ui: Ui) -> anyhow::Result<Option<Emulator>> {
-        if self.in_process {
-            return Ok(None);
+    /// The image to emulate; else what is missing, for the library to run in its place. An image of the Pico that is named is not
+    /// replaced by the library.
+    fn image(&self, board: Emulated) -> anyhow::Result<Result<PathBuf, String>> {
+        let is_named = self.firmware.is_some();
+        let missing = match board {
+            Emulated::BL475eIot01a => qemu::find()
+                .err()
+                .filter(|error| matches!(error, qemu::VersionError::Missing))
+                .map(|error| error.to_string()),
+            Emulated::Pico if self.pty => Some("the emulator of the Pico has its port at a socket".to_owned()),
+            Emulated::Pico => pico::find().err().filter(|_| !is_named).map(|error| error.to_string()),
+        };
+        if let Some(missing) = missing {
+            return Ok(Err(missing));
         }
-        if let Err(error @ qemu::VersionError::Missing) = qemu::find() {
-            ui.note(&format!("{error}; running the firmware's library in this process instead"));
-            return Ok(None);
-        }
-        match firmware_image::find(self.firmware.as_deref()) {
-            Err(NoImage::NotBuilt(_)) if !self.pty => {
-                let cure = "`cargo xtask image` builds one for the emulator";
-                ui.note(&format!(
-                    "no firmware image found, running the firmware's library in this process instead; {cure}"
-                ));
-                Ok(None)
-            }
-            found => Ok(Some(Emulator { elf: found?, console: if self.pty { Console::Pty } else { Console::Socket } })),
+        match firmware_image::find_for(board.image(), self.firmware.as_deref()) {
+            Err(missing @ NoImage::NotBuilt(_)) => Ok(Err(missing.to_string())),
+            found => Ok(Ok(found?)),
         }
     }
 

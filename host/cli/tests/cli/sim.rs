@@ -1,16 +1,15 @@
 //! Which board `darm sim` runs, and what it needs.
 
+use std::io::{BufRead as _, BufReader};
+use std::process::Stdio;
+
+use super::stop::interrupt;
 use super::{Home, example, text};
 
 #[test]
 fn the_simulated_pico_says_what_it_needs() {
     let home = Home::new();
     let planar4 = example("planar4.toml");
-    home.fails(
-        &format!("sim {planar4} --board pico --in-process"),
-        2,
-        "darm: the Pico runs in its emulator, at a socket; leave out --pty and --in-process",
-    );
     home.write("image.elf", "");
     let line = format!("sim {planar4} --board pico --firmware image.elf --folder board");
     let output = home.command(&line).env("PATH", "").output().expect("darm starts");
@@ -22,15 +21,45 @@ fn the_simulated_pico_says_what_it_needs() {
     );
 }
 
+/// Runs a simulator without any emulator until it has printed its addresses; the lines, and what it printed on standard error.
+fn simulated(home: &Home, line: &str, then: impl FnOnce(&str)) -> String {
+    let mut command = home.command(line);
+    command.env("PATH", "").stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().expect("darm starts");
+    let mut output = BufReader::new(child.stdout.take().expect("it is piped"));
+    let mut printed = String::new();
+    while !printed.contains("camera ") {
+        assert!(output.read_line(&mut printed).expect("it can be read") > 0, "`{line}` ended: {printed}");
+    }
+    then(&printed);
+    interrupt(&child);
+    let ended = child.wait_with_output().expect("it ends");
+    assert!(ended.status.success(), "`{line}`: {}", text(&ended.stderr));
+    text(&ended.stderr)
+}
+
 #[test]
-fn a_board_in_this_process_refuses_a_profile_for_the_pins_of_another() {
+fn a_profile_for_a_pico_simulates_without_an_image() {
     let home = Home::new();
-    let profile = std::fs::read_to_string(example("planar4.profile.toml")).expect("the example is there");
-    home.write("pico.toml", &format!("board = \"Pico\"\n{profile}"));
-    home.fails(
-        &format!("sim {} --in-process --folder board --profile pico.toml", example("planar4.toml")),
-        1,
-        "darm: the profile is made for the pins of Pico, and a board in this process has none; leave `board` out, or run that board \
-         in its emulator (`darm sim --help`)",
-    );
+    let line = format!("sim {} --folder board", example("pneumatic9.toml"));
+    let notes = simulated(&home, &line, |printed| {
+        assert!(printed.contains("the firmware's library in this process, as a Pico"), "{printed}");
+        let status = home.succeeds(&format!("status -p unix:{}", home.path("board/port").display()));
+        assert!(status.contains("pneumatic9") || status.contains("profile"), "{status}");
+    });
+    assert!(notes.contains("running the firmware's library in this process instead"), "{notes}");
+}
+
+#[test]
+fn without_an_emulator_a_terminal_is_the_port_of_a_board_in_this_process() {
+    let home = Home::new();
+    let line = format!("sim {} --pty --folder board", example("planar4.toml"));
+    simulated(&home, &line, |printed| {
+        let port = home.path("board/port").display().to_string();
+        assert!(printed.contains(&format!("port     {port}\n")), "{printed}");
+        for _ in 0..2 {
+            let status = home.succeeds(&format!("status -p {port}"));
+            assert!(status.contains("idle"), "{status}");
+        }
+    });
 }

@@ -45,6 +45,11 @@ impl FromStr for Chip {
 }
 
 impl Chip {
+    /// The chip of a board.
+    pub fn of_board(pins: &PinTable) -> Self {
+        if *pins == PICO { Self::Rp2040 } else { Self::Stm32l475 }
+    }
+
     /// The board that has this chip and measures its supply.
     pub(super) const fn pins(self) -> &'static PinTable {
         match self {

@@ -13,13 +13,14 @@ use darm_core::sequencer::{Command, Phase};
 use darm_device::client::Client;
 use darm_device::link;
 use darm_sim::follow::Follower;
-use darm_sim::in_process::{InProcess, MemoryFlash, Stepped};
+use darm_sim::in_process::{Bench, Chip, InProcess, MemoryFlash, Stepped};
 use darm_sim::pico;
 use darm_sim::plant::camera::Frame;
 use darm_sim::plant::{Broken, Plant};
 use darm_sim::qemu::{self, Console, Machine, Qemu};
 
-use super::bridge::Bridge;
+use super::bridge::{Bridge, Port};
+use super::terminal::Terminal;
 use crate::state_folder;
 
 /// Inputs that a restart has cleared are set again well within this time.
@@ -94,20 +95,23 @@ impl Board {
         Ok((board, Box::new(move || film.take())))
     }
 
-    /// Starts the firmware's library in this process.
-    pub(crate) fn in_process(setup: &Setup<'_>) -> anyhow::Result<(Self, Frames)> {
-        if let Some(table) = setup.profile.and_then(|profile| PinTable::of_layout(profile.profile.board.layout?)) {
-            anyhow::bail!(
-                "the profile is made for the pins of {}, and a board in this process has none; leave `board` out, or run that board \
-                 in its emulator (`darm sim --help`)",
-                table.board
-            );
-        }
-        let with_profile = |profile: &BoardProfile| MemoryFlash::with_profile(&profile.image());
-        let flash = setup.profile.map_or_else(MemoryFlash::default, with_profile);
-        let board = InProcess::boot(setup.plant(), flash)?;
-        let (what, flash) = ("the firmware's library in this process".into(), "in memory, empty at every start".into());
-        Self::bridged(&board, setup.folder, what, flash, "the firmware's library panicked")
+    /// Starts the firmware's library in this process, with the chip and the pins of the board that the profile names.
+    pub(crate) fn in_process(setup: &Setup<'_>, console: Console) -> anyhow::Result<(Self, Frames)> {
+        let pins = setup.profile.and_then(|profile| PinTable::of_layout(profile.profile.board.layout?));
+        let chip = pins.map_or_else(Chip::default, Chip::of_board);
+        let with_profile = |profile: &BoardProfile| MemoryFlash::with_profile_on(chip, &profile.image());
+        let flash = setup.profile.map_or_else(|| MemoryFlash::new(chip), with_profile);
+        let plant = setup.plant();
+        let board = InProcess::run("in-process", move || {
+            let mut bench = Bench::new(plant, flash);
+            // A board that measures its supply is one with pins.
+            pins.into_iter().for_each(|pins| bench.set_supply(nominal_supply_mv(pins)));
+            bench
+        })?;
+        let named = pins.map_or(String::new(), |pins| format!(", as a {}", pins.board));
+        let what = format!("the firmware's library in this process{named}");
+        let flash = "in memory, empty at every start".to_owned();
+        Self::bridged(&board, setup.folder, console, what, flash, "the firmware's library panicked")
     }
 
     /// Starts the image of the Pico at `elf` in its emulator. Its time is as fast as the host's, or slower where the host
@@ -123,24 +127,27 @@ impl Board {
         }
         let what = format!("{} in rp2040js", elf.display());
         let flash = setup.folder.join(pico::FLASH_FILE).display().to_string();
-        Self::bridged(&board, setup.folder, what, flash, "the emulator of the Pico has ended")
+        Self::bridged(&board, setup.folder, Console::Socket, what, flash, "the emulator of the Pico has ended")
     }
 
-    /// A board in virtual time behind a socket in the folder. `ended` is the reason when its thread has ended.
+    /// A board in virtual time behind a socket in the folder, or a terminal that the folder names. `ended` is the reason when its thread has ended.
     fn bridged<B: Stepped + 'static>(
         board: &InProcess<B>,
         folder: &Path,
+        console: Console,
         what: String,
         flash: String,
         ended: &'static str,
     ) -> anyhow::Result<(Self, Frames)> {
-        let path = state_folder::port(folder);
-        // There may be none.
-        let _ = std::fs::remove_file(&path);
-        let listener = UnixListener::bind(&path).with_context(|| format!("cannot open the port {}", path.display()))?;
-        let (bridge, frames) = Bridge::start(listener, board.link(), board.film())?;
-        let board =
-            Self { kind: Kind::Bridged { bridge, ended }, what, port: format!("unix:{}", path.display()), flash };
+        let (port, name) = match console {
+            Console::Socket => socket(folder)?,
+            Console::Pty => {
+                let (terminal, path) = Terminal::new().context("cannot open a pseudo terminal")?;
+                (Port::Terminal(terminal), name_port(folder, &path.display().to_string())?)
+            }
+        };
+        let (bridge, frames) = Bridge::start(port, board.link(), board.film())?;
+        let board = Self { kind: Kind::Bridged { bridge, ended }, what, port: name, flash };
         Ok((board, Box::new(move || frames.try_iter().collect())))
     }
 
@@ -191,6 +198,21 @@ fn clear(client: &mut Client) -> anyhow::Result<()> {
         std::thread::sleep(CLEARED_WITHIN / 20);
     }
     Ok(())
+}
+
+/// A socket in the folder, and its name.
+fn socket(folder: &Path) -> anyhow::Result<(Port, String)> {
+    let path = state_folder::port(folder);
+    // There may be none.
+    let _ = std::fs::remove_file(&path);
+    let listener = UnixListener::bind(&path).with_context(|| format!("cannot open the port {}", path.display()))?;
+    Ok((Port::Socket(listener), format!("unix:{}", path.display())))
+}
+
+/// The supply that a board has on the bench, mV: 3.3 V where no more is measured, else the 4.7 V that USB leaves at VSYS.
+fn nominal_supply_mv(pins: &PinTable) -> u16 {
+    let [_, highest] = pins.supply_mv;
+    if highest < 4_700 { 3_300 } else { 4_700 }
 }
 
 /// Links the emulator's port to a fixed path in the folder.

@@ -1,4 +1,4 @@
-//! A board in virtual time as one at a socket, in real time: the firmware's library, or an image in an emulator that is stepped.
+//! A board in virtual time as one at a socket or a pseudo terminal, in real time: the firmware's library, or an image in an emulator that is stepped.
 
 use std::io::{ErrorKind, Read as _, Write as _};
 use std::os::unix::net::{UnixListener, UnixStream};
@@ -11,6 +11,8 @@ use std::time::Duration;
 use darm_device::clock::host_now_s;
 use darm_device::link::Link;
 use darm_sim::plant::camera::{Film, Frame};
+
+use super::terminal::Terminal;
 
 /// Interval at which the board's time is advanced to the host's.
 const STEP: Duration = Duration::from_millis(1);
@@ -26,20 +28,30 @@ pub(crate) struct Bridge {
     thread: JoinHandle<()>,
 }
 
+/// What a host connects to.
+pub(crate) enum Port {
+    /// A socket, for one host at a time.
+    Socket(UnixListener),
+    /// A pseudo terminal, for any terminal program.
+    Terminal(Terminal),
+}
+
 impl Bridge {
     /// Runs the board at `link` behind `port`; frames of its camera carry the host's time.
-    pub(crate) fn start(
-        port: UnixListener,
-        link: Box<dyn Link>,
-        film: Film,
-    ) -> std::io::Result<(Self, Receiver<Frame>)> {
-        port.set_nonblocking(true)?;
+    pub(crate) fn start(port: Port, link: Box<dyn Link>, film: Film) -> std::io::Result<(Self, Receiver<Frame>)> {
+        let (port, host) = match port {
+            Port::Socket(listener) => {
+                listener.set_nonblocking(true)?;
+                (Some(listener), None)
+            }
+            Port::Terminal(terminal) => (None, Some(Host::Terminal(terminal))),
+        };
         let end = Arc::new(AtomicBool::new(false));
         let seen = Arc::clone(&end);
         let (frames, taken) = channel();
         let thread = thread::Builder::new().name("bridge".into()).spawn(move || {
             let started_s = host_now_s() - link.now_s();
-            let mut cable = Cable { port, host: None, link, film, frames, started_s };
+            let mut cable = Cable { port, host, link, film, frames, started_s };
             while !seen.load(Ordering::Relaxed) && cable.step() {
                 thread::sleep(STEP);
             }
@@ -62,8 +74,9 @@ impl Bridge {
 
 /// Connection between the board and the one host on the port.
 struct Cable {
-    port: UnixListener,
-    host: Option<UnixStream>,
+    /// Where the next host comes from; a terminal is always there.
+    port: Option<UnixListener>,
+    host: Option<Host>,
     link: Box<dyn Link>,
     film: Film,
     frames: Sender<Frame>,
@@ -75,7 +88,8 @@ impl Cable {
     /// Advances the board's time to the host's and moves bytes both ways; false once the board has ended.
     fn step(&mut self) -> bool {
         if self.host.is_none() {
-            self.host = self.port.accept().ok().and_then(|(host, _)| plugged(host));
+            let host = self.port.as_ref().and_then(|port| port.accept().ok());
+            self.host = host.and_then(|(host, _)| plugged(host)).map(Host::Stream);
         }
         let mut bytes = [0; 1024];
         if let Some(received) = self.host.as_mut().map(|host| host.read(&mut bytes)) {
@@ -106,8 +120,33 @@ impl Cable {
             if count == 0 {
                 return true;
             }
-            if self.host.as_mut().is_some_and(|host| write(host, &bytes[..count]).is_err()) {
+            if self.host.as_mut().is_some_and(|host| host.write(&bytes[..count]).is_err()) {
                 self.host = None;
+            }
+        }
+    }
+}
+
+/// The end of the host.
+enum Host {
+    Stream(UnixStream),
+    Terminal(Terminal),
+}
+
+impl Host {
+    fn read(&mut self, bytes: &mut [u8]) -> std::io::Result<usize> {
+        match self {
+            Self::Stream(stream) => stream.read(bytes),
+            Self::Terminal(terminal) => terminal.read(bytes),
+        }
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<()> {
+        match self {
+            Self::Stream(stream) => write(stream, bytes),
+            Self::Terminal(terminal) => {
+                terminal.write(bytes);
+                Ok(())
             }
         }
     }
