@@ -9,22 +9,28 @@ mod interrupt;
 mod interrupted;
 mod number_text;
 mod output_file;
+mod overwrite;
 mod pages;
 mod port;
+mod question;
 mod state_folder;
 mod swapped_files;
 mod ui;
 
 use std::process::ExitCode;
 
-use clap::Parser as _;
 use clap::error::{ContextKind, ContextValue};
+use clap::{CommandFactory as _, FromArgMatches as _};
+use commands::Cli;
+use overwrite::Overwrite;
 use ui::Ui;
 
 fn main() -> ExitCode {
-    let cli = commands::Cli::try_parse().unwrap_or_else(|error| without_dashes(error).exit());
-    let ui = Ui { json: cli.json };
-    match cli.command.run(ui) {
+    let matches = Cli::command().try_get_matches().unwrap_or_else(|error| without_dashes(error).exit());
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| without_dashes(error).exit());
+    let ui = Ui { json: cli.json, overwrite: Overwrite::new(cli.force, cli.json) };
+    let done = ui.overwrite.check_all(&matches).map_err(Into::into).and_then(|()| cli.command.run(ui));
+    match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             // The fault or the failed checks are in the command's own JSON.

@@ -24,12 +24,6 @@ pub(crate) enum OutputError {
         /// The required kind.
         kind: &'static str,
     },
-    /// The name belongs to an existing file.
-    #[error("{path} exists; overwrite it with --force")]
-    Exists {
-        /// The file.
-        path: PathBuf,
-    },
     /// The name belongs to a file that the command reads.
     #[error("{path} is a file that is read; choose another name")]
     Input {
@@ -57,10 +51,9 @@ pub(crate) fn refuse_other_than_visits(path: &Path) -> Result<(), OutputError> {
     refuse_unless(path, "a visit file of `darm table`", |bytes| bytes.split(|&byte| byte == b'\n').any(is_header))
 }
 
-/// Refuses to replace anything but a measurement, and a measurement without `force`.
-pub(crate) fn refuse_other_than_measurement(path: &Path, force: bool) -> Result<(), OutputError> {
-    refuse_unless(path, "a recording of `darm record`", |_| is_recording(path))?;
-    refuse_existing(&[path], force)
+/// Refuses to replace anything but a measurement.
+pub(crate) fn refuse_other_than_measurement(path: &Path) -> Result<(), OutputError> {
+    refuse_unless(path, "a recording of `darm record`", |_| is_recording(path))
 }
 
 /// What a file of text is written in.
@@ -123,14 +116,6 @@ fn refuse_other_syntax(path: &Path, syntax: Syntax, text: &str) -> Result<(), Ou
     refuse_unless_in(path, syntax.name(), u64::MAX, is_that)
 }
 
-/// Refuses files that exist, without `force`.
-pub(crate) fn refuse_existing(paths: &[&Path], force: bool) -> Result<(), OutputError> {
-    match paths.iter().find(|path| holds_bytes(path) && !force) {
-        Some(path) => Err(OutputError::Exists { path: path.to_path_buf() }),
-        None => Ok(()),
-    }
-}
-
 /// Refuses two names of one file.
 pub(crate) fn refuse_same(first: &Path, second: &Path) -> Result<(), OutputError> {
     match real(first) == real(second) {
@@ -186,7 +171,7 @@ fn refuse_unless_in(
 }
 
 /// Whether there is a file that is not empty.
-fn holds_bytes(path: &Path) -> bool {
+pub(crate) fn holds_bytes(path: &Path) -> bool {
     path.metadata().is_ok_and(|metadata| metadata.is_file() && metadata.len() > 0)
 }
 

@@ -7,6 +7,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 
 use crate::finite;
+use crate::overwrite::Overwrite;
 
 /// Result of a command: its fields as JSON, its text for people.
 pub(crate) trait Answer: Serialize {
@@ -19,6 +20,8 @@ pub(crate) trait Answer: Serialize {
 pub(crate) struct Ui {
     /// JSON on the standard output, one object a line; nothing else there.
     pub(crate) json: bool,
+    /// What happens to files that exist.
+    pub(crate) overwrite: Overwrite,
 }
 
 impl Ui {

@@ -16,6 +16,7 @@ use super::ik::{OrientationArgs, Target};
 use super::subject::{SubjectArgs, frame_of};
 use crate::failure::Usage;
 use crate::output_file::{self, Syntax};
+use crate::overwrite::OutputFile;
 use crate::ui::{Answer, Ui, columns};
 
 const EXAMPLES: &str = "\
@@ -81,7 +82,7 @@ pub(crate) struct BenchIk {
     /// Plot the error, mean and 10th to 90th percentile, as this SVG file; without --to a folder for the paper's Figures 8
     /// to 11
     #[arg(long, value_name = "FILE.svg|FOLDER")]
-    plot: Option<PathBuf>,
+    plot: Option<OutputFile>,
 }
 
 /// Parser of a bounded number.

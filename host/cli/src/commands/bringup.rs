@@ -13,6 +13,7 @@ use darm_device::client::Client;
 
 use crate::failure::{Findings, Unfinished, Usage};
 use crate::interrupt::InterruptHandler;
+use crate::overwrite::OutputFile;
 use crate::port::PortArgs;
 use crate::ui::Ui;
 use crate::{output_file, port};
@@ -57,13 +58,10 @@ pub(crate) struct Bringup {
     yes: bool,
     /// Corrected profile to write
     #[arg(short, long, value_name = "NEW_PROFILE.toml")]
-    output: Option<PathBuf>,
+    output: Option<OutputFile>,
     /// Arm file to write, with measured times of travel
     #[arg(long, value_name = "NEW_ARM.toml")]
-    new_arm: Option<PathBuf>,
-    /// Overwrite the files
-    #[arg(long)]
-    force: bool,
+    new_arm: Option<OutputFile>,
     #[command(flatten)]
     port: PortArgs,
 }
@@ -90,7 +88,8 @@ impl Bringup {
         let correction = correct(&wired.profile.profile, &subject, &outcome.findings);
         let corrected = Corrected { wired: &wired, subject: &subject, outcome: &outcome, correction: &correction };
         corrected.write(&self.arm, profile, [self.output.as_deref(), self.new_arm.as_deref()])?;
-        let report = Report::new(&corrected, [self.output.clone(), self.new_arm.clone()]);
+        let written = [&self.output, &self.new_arm].map(|path| path.as_deref().map(Path::to_path_buf));
+        let report = Report::new(&corrected, written);
         ui.print(&report)?;
         end(&outcome, actuators.iter().map(|&actuator| wired.wiring.actuators[actuator].coils()).sum())
     }
@@ -111,8 +110,7 @@ impl Bringup {
         if self.output.is_some() && profile.is_none() {
             return Err(StartError::NoProfile(self.arm.clone()).into());
         }
-        let outputs: Vec<&Path> = self.output.iter().chain(&self.new_arm).map(PathBuf::as_path).collect();
-        output_file::refuse_existing(&outputs, self.force)?;
+        let outputs: Vec<&Path> = self.output.iter().chain(&self.new_arm).map(|path| &**path).collect();
         outputs.iter().try_for_each(|path| output_file::refuse_other_than_toml(path, &[]))?;
         if let [first, second] = outputs.as_slice() {
             output_file::refuse_same(first, second)?;

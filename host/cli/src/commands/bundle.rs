@@ -16,7 +16,8 @@ use zip::{CompressionMethod, ZipWriter};
 use super::diagnose::options::{DiagnoseOptions, Task};
 use super::diagnose::{Report, page};
 use crate::failure;
-use crate::output_file::{refuse_existing, refuse_same, write_all};
+use crate::output_file::{refuse_same, write_all};
+use crate::overwrite::OutputFile;
 use crate::swapped_files::{self, options_without, quoted};
 use crate::ui::{self, Answer, Ui};
 
@@ -38,7 +39,7 @@ const LARGE: u64 = 25_000_000;
 pub(crate) struct Bundle {
     /// The file to write
     #[arg(value_name = "FILE.zip")]
-    output: PathBuf,
+    output: OutputFile,
     /// The model, as of `darm diagnose`
     #[arg(value_name = "MODEL")]
     model: PathBuf,
@@ -47,9 +48,6 @@ pub(crate) struct Bundle {
     data: PathBuf,
     #[command(flatten)]
     options: DiagnoseOptions,
-    /// Replace the file
-    #[arg(long)]
-    force: bool,
 }
 
 /// What is printed.
@@ -76,7 +74,6 @@ struct Outcome {
 impl Bundle {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         swapped_files::refuse(&self.model, &self.data)?;
-        refuse_existing(&[&self.output], self.force)?;
         for input in [&self.model, &self.data] {
             refuse_same(input, &self.output)?;
         }
@@ -99,7 +96,7 @@ impl Bundle {
         let packed = pack(&files).context("cannot pack the files")?;
         write_all(&[(&self.output, &packed)])?;
         let files = files.into_iter().map(|(name, _)| name).collect();
-        ui.print(&Packed { output: self.output.clone(), files, command, verdict, error })
+        ui.print(&Packed { output: self.output.to_path_buf(), files, command, verdict, error })
     }
 
     /// The command line that gives the same verdict in the folder of the files.

@@ -16,6 +16,7 @@ use darm_measure::Finding;
 use serde::Serialize;
 
 use crate::output_file::{self, Syntax};
+use crate::overwrite::OutputFile;
 use crate::pages::diagnosis::diagnosis_page;
 use crate::swapped_files;
 use crate::ui::{Answer, Ui, columns};
@@ -61,13 +62,13 @@ pub(crate) struct Diagnose {
     data: PathBuf,
     /// Write the model with the effects that were found
     #[arg(short, long, value_name = "NEW.toml", requires = "model")]
-    output: Option<PathBuf>,
+    output: Option<OutputFile>,
     /// Add fitted terms to that model for a residual that no law explains
     #[arg(long, requires = "output")]
     keep_terms: bool,
     /// Write a report with tables and plots
     #[arg(long, value_name = "FILE.html", requires = "model")]
-    report: Option<PathBuf>,
+    report: Option<OutputFile>,
     #[command(flatten)]
     options: DiagnoseOptions,
 }
@@ -103,7 +104,7 @@ impl Diagnose {
         let task = Task { model, data: &self.data, new_model };
         let found = self.options.diagnose(task, ui).map_err(|error| log::with_conversion(model, &self.data, error));
         let (diagnosis, is_written) = found?;
-        let output = self.output.clone().filter(|_| is_written);
+        let output = self.output.as_deref().filter(|_| is_written).map(Path::to_path_buf);
         if self.output.is_some() && !is_written {
             ui.note(NOTHING_TO_WRITE);
         }

@@ -20,6 +20,7 @@ use darm_papers::grasp::{picture, plot, solve};
 use self::answer::{Found, Trained};
 use crate::failure::Usage;
 use crate::output_file::{self, Syntax};
+use crate::overwrite::OutputFile;
 use crate::ui::Ui;
 
 const EXAMPLES: &str = "\
@@ -121,7 +122,7 @@ struct Solve {
     library: usize,
     /// Plot the hand before, during and after the search
     #[arg(long, value_name = "FILE.svg")]
-    plot: Option<PathBuf>,
+    plot: Option<OutputFile>,
 }
 
 /// Search method.
@@ -151,7 +152,7 @@ struct Train {
     seed: u64,
     /// Save the progress in this file, and resume from it
     #[arg(short, long, value_name = "FILE.txt")]
-    output: Option<PathBuf>,
+    output: Option<OutputFile>,
     /// Plot figures 4 and 5 of the paper, as SVG files in this folder
     #[arg(long, value_name = "FOLDER")]
     plot: Option<PathBuf>,

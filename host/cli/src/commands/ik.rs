@@ -17,6 +17,7 @@ use super::subject::{Coordinate, PoseReport, SubjectArgs, frame_of};
 use crate::failure::Usage;
 use crate::number_text::numbers;
 use crate::output_file::{self, Syntax};
+use crate::overwrite::OutputFile;
 use crate::ui::{Answer, Ui, columns, number};
 use darm_measure::csv_text::csv_line;
 
@@ -88,7 +89,7 @@ pub(crate) struct Ik {
     seed: u64,
     /// Plot the error of the first target over the steps; with --all the postures
     #[arg(long, value_name = "FILE.svg")]
-    plot: Option<PathBuf>,
+    plot: Option<OutputFile>,
     /// Print comma-separated values
     #[arg(long)]
     csv: bool,

@@ -17,7 +17,8 @@ use darm_measure::write_table;
 use serde::Serialize;
 
 use crate::failure::Usage;
-use crate::output_file::{refuse_existing, refuse_same};
+use crate::output_file::refuse_same;
+use crate::overwrite::OutputFile;
 use crate::ui::{Answer, Ui};
 
 const EXAMPLES: &str = "\
@@ -49,7 +50,7 @@ pub(crate) struct Import {
     files: Vec<PathBuf>,
     /// Write the measurements: CSV, compressed (.csv.gz) or MCAP (.mcap)
     #[arg(short, long, value_name = "FILE.csv")]
-    output: Option<PathBuf>,
+    output: Option<OutputFile>,
     /// A column of the result, such as q1_rad=Var3*deg
     #[arg(long = "column", value_name = "TARGET=SOURCE", allow_hyphen_values = true)]
     columns: Vec<String>,
@@ -61,7 +62,7 @@ pub(crate) struct Import {
     units: Vec<String>,
     /// Write the mapping as a file for --map
     #[arg(long, value_name = "MAP.toml")]
-    write_map: Option<PathBuf>,
+    write_map: Option<OutputFile>,
     /// Join files by their time stamps, or arrays (.npy) row by row; default: one file after the other
     #[arg(long)]
     join: bool,
@@ -77,9 +78,6 @@ pub(crate) struct Import {
     /// What dates such as 1/5/2024 begin with; default: found where a number is above 12
     #[arg(long, value_name = "ORDER")]
     dates: Option<DateOrder>,
-    /// Replace the output file
-    #[arg(long)]
-    force: bool,
 }
 
 /// What dates begin with.
@@ -149,13 +147,19 @@ impl Import {
             notes = Table::new(&recordings, &mapping)?.notes;
         }
         if let Some(path) = &self.write_map {
-            refuse_existing(&[path], self.force)?;
             std::fs::write(path, map_file::text(&mapping))
                 .with_context(|| format!("cannot write {}", path.display()))?;
         }
         let line = |entry: &Entry| format!("{}={}", entry.target, entry.expression());
         let mapping = mapping.entries.iter().map(line).collect();
-        ui.print(&Report { files, mapping, is_proposed, rows, output: self.output.clone(), notes })
+        ui.print(&Report {
+            files,
+            mapping,
+            is_proposed,
+            rows,
+            output: self.output.as_deref().map(Path::to_path_buf),
+            notes,
+        })
     }
 
     /// The mapping of the command line or of its file.
@@ -182,7 +186,6 @@ impl Import {
         for file in &self.files {
             refuse_same(file, output)?;
         }
-        refuse_existing(&[output], self.force)?;
         let table = Table::new(recordings, mapping)?;
         write_table(output, &table.text()).with_context(|| format!("cannot write {}", output.display()))?;
         Ok(table)

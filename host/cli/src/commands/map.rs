@@ -11,6 +11,7 @@ use serde::Serialize;
 use super::servos::ServoArgs;
 use crate::failure::Usage;
 use crate::output_file::{self, Syntax};
+use crate::overwrite::OutputFile;
 use crate::pages::density;
 use crate::ui::{Answer, Ui};
 use darm_measure::csv_text::csv_text;
@@ -41,13 +42,13 @@ pub(crate) struct Map {
     servos: ServoArgs,
     /// Plot the density, summed along the line of sight
     #[arg(long, value_name = "FILE.svg")]
-    plot: Option<PathBuf>,
+    plot: Option<OutputFile>,
     /// Plane of the plot; default: xy for a planar arm, else xz
     #[arg(long, value_enum)]
     view: Option<View>,
     /// Write the densities
     #[arg(short, long, value_name = "FILE.csv")]
-    output: Option<PathBuf>,
+    output: Option<OutputFile>,
 }
 
 /// Plane of a plot.

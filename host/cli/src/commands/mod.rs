@@ -51,10 +51,16 @@ pub(crate) struct Cli {
     /// Print JSON on standard output, one object per line, in SI units
     #[arg(long, global = true)]
     pub(crate) json: bool,
+    /// Overwrite files that exist, without a question
+    #[arg(long, global = true, env = FORCE_VARIABLE, hide_env = true, value_parser = clap::builder::FalseyValueParser::new())]
+    pub(crate) force: bool,
     /// Command
     #[command(subcommand)]
     pub(crate) command: Command,
 }
+
+/// Environment variable that answers for scripts.
+const FORCE_VARIABLE: &str = "DARM_FORCE";
 
 const AFTER_HELP: &str = "\
 `darm help GROUP` says what the commands of a group do, `darm COMMAND --help` shows options and examples.

@@ -15,6 +15,7 @@ use darm_robot::source::path_between;
 
 use crate::commands::status::ProfileState;
 use crate::output_file;
+use crate::overwrite::OutputFile;
 use crate::port::PortArgs;
 use crate::ui::Ui;
 use answers::{Checked, LimitReport, Made, OutputReport, Shown};
@@ -61,10 +62,7 @@ enum Action {
         arm: PathBuf,
         /// Profile to write
         #[arg(short, long, value_name = "PROFILE.toml")]
-        output: PathBuf,
-        /// Overwrite the file
-        #[arg(long)]
-        force: bool,
+        output: OutputFile,
     },
     /// Check a profile; with --arm, whether it has the outputs, limit switches and servos that the arm needs
     #[command(after_help = "Examples:\n  darm profile check planar4.profile.toml --arm arm.toml")]
@@ -110,7 +108,7 @@ enum ProfileCommandError {
 impl Command {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         match &self.action {
-            Action::Make { arm, output, force } => make(arm, output, *force, ui),
+            Action::Make { arm, output } => make(arm, output, ui),
             Action::Check { profile, arm } => check(profile, arm.as_deref(), ui),
             Action::Write { profile, arm, port } => {
                 let profile = match (profile, arm) {
@@ -144,9 +142,8 @@ fn named_by(arm: &Path) -> anyhow::Result<BoardProfile> {
     Ok(BoardProfile::read(&profile)?)
 }
 
-fn make(arm: &Path, output: &Path, force: bool, ui: Ui) -> anyhow::Result<()> {
+fn make(arm: &Path, output: &Path, ui: Ui) -> anyhow::Result<()> {
     let profile = BoardProfile::first(&Arm::read(arm)?);
-    output_file::refuse_existing(&[output], force)?;
     output_file::write_all(&[(output, profile.to_toml_with_advice().as_bytes())])?;
     // Requirements of the arm that a first profile cannot meet are reported by their position in the arm file.
     let WiredArm { arm: wired, profile, .. } = WiredArm::read(arm, Some(output))?;

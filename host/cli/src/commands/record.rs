@@ -81,9 +81,6 @@ pub(crate) struct Record {
     /// Resume an interrupted recording, in the same file
     #[arg(long)]
     resume: bool,
-    /// Replace an existing measurement
-    #[arg(long, conflicts_with = "resume")]
-    force: bool,
     /// Number of the run in the file
     #[arg(long, value_name = "N", default_value_t = 0)]
     run: u32,
@@ -159,7 +156,7 @@ impl Record {
         let table = TableFile::read(&self.table)?;
         table.check_visits(visits.table)?;
         let arm = self.arm.as_deref().map(Arm::read).transpose()?;
-        let (mut output, earlier) = self.open_output()?;
+        let (mut output, earlier) = self.open_output(ui)?;
         let camera = self.camera.clone().or_else(emulated_camera).ok_or(RecordError::NoCamera)?;
         let port = self.port.name()?;
         let (link, handle) = port::open_free(&port)?;
@@ -182,12 +179,13 @@ impl Record {
         interrupt.interrupted().map_or(reported, |interrupted| Err(interrupted.into()))
     }
 
-    fn open_output(&self) -> anyhow::Result<(Output, Option<Earlier>)> {
+    fn open_output(&self, ui: Ui) -> anyhow::Result<(Output, Option<Earlier>)> {
         if self.resume {
             let (output, earlier) = Output::resume(&self.output)?;
             return Ok((output, Some(earlier)));
         }
-        output_file::refuse_other_than_measurement(&self.output, self.force)?;
+        output_file::refuse_other_than_measurement(&self.output)?;
+        ui.overwrite.check(&[&self.output])?;
         Ok((Output::create(&self.output)?, None))
     }
 

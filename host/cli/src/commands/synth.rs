@@ -19,6 +19,7 @@ use darm_core::units::Word;
 
 use crate::failure::Usage;
 use crate::output_file::{self, Syntax};
+use crate::overwrite::OutputFile;
 use crate::ui::Ui;
 use answer::{Extras, Synthesised, not_met};
 
@@ -49,10 +50,10 @@ pub(crate) struct Synth {
     frames: PathBuf,
     /// Arm file to write
     #[arg(short, long, value_name = "NEW.toml")]
-    output: PathBuf,
+    output: OutputFile,
     /// Write the frames with the servo angles and words that were found
     #[arg(long, value_name = "FRAMES.toml")]
-    write_frames: Option<PathBuf>,
+    write_frames: Option<OutputFile>,
     /// Draw the new arm in each frame, as SVG files in this folder
     #[arg(long, value_name = "FOLDER")]
     plot: Option<PathBuf>,
@@ -145,7 +146,7 @@ fn stuck_actuator(text: &str) -> Result<StuckActuator, String> {
 
 impl Synth {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
-        for path in [Some(&self.output), self.write_frames.as_ref()].into_iter().flatten() {
+        for path in [Some(&*self.output), self.write_frames.as_deref()].into_iter().flatten() {
             output_file::refuse_other_than_toml(path, &[&self.base, &self.frames])?;
         }
         let base = Arm::read(&self.base)?;

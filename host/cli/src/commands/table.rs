@@ -18,6 +18,7 @@ use serde::Serialize;
 use super::servos::ServoArgs;
 use crate::failure::Usage;
 use crate::output_file;
+use crate::overwrite::OutputFile;
 use crate::port::PortArgs;
 use crate::ui::{Answer, Ui, columns};
 use darm_arm::table_file::{self, visits_file};
@@ -77,7 +78,7 @@ pub(crate) struct Table {
     nearest: bool,
     /// Table file to write
     #[arg(short, long, value_name = "TABLE.darm", required_unless_present = "show")]
-    output: Option<PathBuf>,
+    output: Option<OutputFile>,
     /// Show the contents of a table file instead of making one
     #[arg(long, value_name = "TABLE.darm", conflicts_with_all = ["arm", "output", "bind", "nearest", "profile", "dwell"])]
     show: Option<PathBuf>,

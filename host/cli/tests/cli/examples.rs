@@ -62,11 +62,12 @@ impl Scratch {
         Self { home: Home::new(), simulator: None }
     }
 
-    /// A shell that finds `darm` and nothing else.
+    /// A shell that finds `darm` and nothing else. Files of earlier examples are overwritten, as by a person who agrees.
     fn shell(&self, line: &str) -> Command {
         let programs = Path::new(env!("CARGO_BIN_EXE_darm")).parent().unwrap();
         let mut command = Command::new("/bin/sh");
         command.args(["-c", line]).env_clear().env("PATH", programs).env("HOME", self.home.path(""));
+        command.env("DARM_FORCE", "1");
         command.current_dir(self.home.path("")).stdin(Stdio::null());
         command
     }

@@ -6,7 +6,7 @@ use super::{Board, Home, example, text};
 fn a_table_replaces_tables_only() {
     let home = Home::new();
     let arm = example("planar4.toml");
-    let make = |output: &str| format!("table {arm} --words 000010000000 -o {output}");
+    let make = |output: &str| format!("table {arm} --words 000010000000 -o {output} --force");
     home.write("arm.toml", "precious");
     let other = "darm: arm.toml exists and is not a table of `darm table`; choose another name, or remove it first";
     home.fails(&make("arm.toml"), 1, other);
@@ -30,12 +30,12 @@ fn texts_and_pictures_replace_neither_another_kind_nor_an_input() {
         format!("darm: {file} exists and is not {kind}; choose another name, or remove it first")
     };
     let input = "darm: arm.toml is a file that is read; choose another name";
-    home.fails("synth arm.toml frames.toml -o arm.toml", 1, input);
-    home.fails("synth arm.toml frames.toml -o run.csv", 1, &kind("run.csv", "a TOML file"));
-    home.fails("draw arm.toml -o run.csv", 1, &kind("run.csv", "an SVG picture"));
-    home.fails("diagnose arm.toml run.csv --report run.csv", 1, &kind("run.csv", "an HTML page"));
-    home.fails("diagnose arm.toml run.csv -o arm.toml", 1, input);
-    home.fails("map arm.toml -o run.csv", 1, &kind("run.csv", "a CSV file with the same columns"));
+    home.fails("synth arm.toml frames.toml -o arm.toml --force", 1, input);
+    home.fails("synth arm.toml frames.toml -o run.csv --force", 1, &kind("run.csv", "a TOML file"));
+    home.fails("draw arm.toml -o run.csv --force", 1, &kind("run.csv", "an SVG picture"));
+    home.fails("diagnose arm.toml run.csv --report run.csv --force", 1, &kind("run.csv", "an HTML page"));
+    home.fails("diagnose arm.toml run.csv -o arm.toml --force", 1, input);
+    home.fails("map arm.toml -o run.csv --force", 1, &kind("run.csv", "a CSV file with the same columns"));
     assert_eq!(std::fs::read_to_string(home.path("run.csv")).unwrap(), "time_s,word\n");
     home.succeeds("draw arm.toml -o arm.svg");
     home.succeeds("draw arm.toml -o arm.svg");

@@ -1,10 +1,9 @@
 //! The person at the terminal: gives consent and says what moved.
 
-use std::io::{BufRead as _, Write as _};
-
 use darm_device::bringup::{Consent, Look, Operator, Step};
 
 use crate::interrupt::InterruptHandler;
+use crate::question::ask;
 
 /// A person who is asked on standard error and answers on standard input, or nobody.
 pub(super) struct Person {
@@ -17,15 +16,6 @@ impl Person {
     pub(super) fn new(interrupt: InterruptHandler, yes: bool) -> Self {
         Self { interrupt, yes }
     }
-}
-
-/// Asks; the answer in lower case, `None` at the end of the input.
-fn ask(question: &str) -> Option<String> {
-    eprint!("{question} > ");
-    let _ = std::io::stderr().flush();
-    let mut line = String::new();
-    let count = std::io::stdin().lock().read_line(&mut line).unwrap_or(0);
-    (count > 0).then(|| line.trim().to_lowercase())
 }
 
 /// What a person answered to the question what moved; `None` where it is not an answer.

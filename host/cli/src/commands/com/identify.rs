@@ -11,6 +11,7 @@ use crate::commands::subject::floating;
 use crate::failure::{Usage, in_table};
 use crate::number_text::numbers;
 use crate::output_file::{self, Syntax};
+use crate::overwrite::OutputFile;
 use crate::swapped_files;
 use crate::ui::{Answer, Ui, columns, number};
 
@@ -54,10 +55,10 @@ pub(crate) struct Identify {
     seed: u64,
     /// Write the identified masses, for `darm com map --masses`
     #[arg(short, long, value_name = "MASSES.json")]
-    output: Option<PathBuf>,
+    output: Option<OutputFile>,
     /// Write a report
     #[arg(long, value_name = "FILE.html")]
-    report: Option<PathBuf>,
+    report: Option<OutputFile>,
 }
 
 /// Result of an identification.

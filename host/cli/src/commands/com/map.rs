@@ -16,6 +16,7 @@ use serde::Serialize;
 use crate::commands::subject::floating;
 use crate::failure::in_table;
 use crate::output_file::{self, Syntax};
+use crate::overwrite::OutputFile;
 use crate::swapped_files;
 use crate::ui::{Answer, Ui, number};
 use darm_measure::csv_text::csv_text;
@@ -53,10 +54,10 @@ pub(crate) struct Map {
     masses: Option<PathBuf>,
     /// Write the motion of base and joints
     #[arg(short, long, value_name = "MOTION.csv")]
-    output: Option<PathBuf>,
+    output: Option<OutputFile>,
     /// Write a report
     #[arg(long, value_name = "FILE.html")]
-    report: Option<PathBuf>,
+    report: Option<OutputFile>,
     /// Execute the motion on a simulated robot: joint PD control with feed-forward torques
     #[arg(long)]
     execute: bool,
