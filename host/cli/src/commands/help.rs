@@ -25,11 +25,16 @@ struct Group {
 }
 
 /// Every command is in one group: a test compares them with what the overview lists.
-const GROUPS: [Group; 6] = [
+const GROUPS: [Group; 7] = [
     Group {
         name: "loop",
         about: "From desired frames to an arm that reaches them, and again with what was measured",
         commands: &["synth", "adjust", "nearest", "map", "path", "table", "upload", "play", "record"],
+    },
+    Group {
+        name: "build",
+        about: "An arm of your own: its files, the strength of its actuators, its wires and drawings",
+        commands: &["new", "load", "wiring", "draw"],
     },
     Group {
         name: "boards",
@@ -44,7 +49,7 @@ const GROUPS: [Group; 6] = [
     Group {
         name: "robots",
         about: "Kinematics and dynamics of arms and of robots as URDF, MJCF and Denavit-Hartenberg tables",
-        commands: &["fk", "jacobian", "ik", "dynamics", "model", "generate", "inertia", "odometry", "draw"],
+        commands: &["fk", "jacobian", "ik", "dynamics", "model", "generate", "inertia", "odometry"],
     },
     Group { name: "papers", about: "Methods of the five papers", commands: &["grasp", "com", "bench-ik"] },
     Group {

@@ -22,10 +22,12 @@ mod ik;
 mod import;
 mod inertia;
 mod jacobian;
+mod load;
 mod man;
 mod map;
 mod model;
 mod nearest;
+mod new;
 mod odometry;
 mod path;
 mod play;
@@ -40,6 +42,7 @@ mod subject;
 mod synth;
 mod table;
 mod upload;
+mod wiring;
 
 use crate::ui::Ui;
 
@@ -120,6 +123,9 @@ pub(crate) enum Command {
     Inertia(inertia::Inertia),
     Odometry(odometry::Odometry),
     Draw(draw::Draw),
+    New(new::New),
+    Load(load::Load),
+    Wiring(wiring::Wiring),
     Grasp(grasp::Grasp),
     Doctor(doctor::Doctor),
     Completions(completions::Completions),
@@ -163,6 +169,9 @@ impl Command {
             Self::Inertia(command) => command.run(ui),
             Self::Odometry(command) => command.run(ui),
             Self::Draw(command) => command.run(ui),
+            Self::New(command) => command.run(ui),
+            Self::Load(command) => command.run(ui),
+            Self::Wiring(command) => command.run(ui),
             Self::Grasp(command) => command.run(ui),
             Self::Doctor(command) => command.run(ui),
             Self::Completions(command) => command.run(ui),

@@ -21,6 +21,7 @@ mod limits;
 mod logs;
 mod measurements;
 mod models;
+mod own_arm;
 mod predictions;
 mod profile;
 mod recording;
@@ -32,7 +33,7 @@ mod sim;
 mod stop;
 mod unfinished;
 
-const COMMANDS: [&str; 36] = [
+const COMMANDS: [&str; 39] = [
     "synth",
     "generate",
     "adjust",
@@ -60,6 +61,9 @@ const COMMANDS: [&str; 36] = [
     "com",
     "model",
     "draw",
+    "new",
+    "load",
+    "wiring",
     "nearest",
     "map",
     "path",
@@ -94,8 +98,9 @@ impl Home {
         command
     }
 
+    /// Runs `darm`, which overwrites files, as for a person who agrees.
     fn darm(&self, line: &str) -> Output {
-        self.command(line).stdin(Stdio::null()).output().unwrap()
+        self.command(line).env("DARM_FORCE", "1").stdin(Stdio::null()).output().unwrap()
     }
 
     /// Runs `darm` with this text on its standard input.
@@ -107,7 +112,7 @@ impl Home {
 
     #[track_caller]
     fn fails(&self, line: &str, code: i32, message: &str) {
-        let output = self.darm(line);
+        let output = self.command(line).stdin(Stdio::null()).output().unwrap();
         assert_eq!(text(&output.stderr).trim_end(), message, "darm {line}");
         assert_eq!(output.status.code(), Some(code), "darm {line}");
     }
@@ -212,7 +217,7 @@ fn help_of_a_command_is_the_same_by_both_ways() {
         assert_eq!(home.succeeds(&format!("help {command}")), home.succeeds(&format!("{command} --help")), "{command}");
     }
     assert!(home.succeeds("help conventions").contains("numbered from 0"));
-    let unknown = "darm: help dance: no such command or group; the groups are loop, boards, diagnosis, robots, papers, \
+    let unknown = "darm: help dance: no such command or group; the groups are loop, build, boards, diagnosis, robots, papers, \
                    set-up, and conventions";
     home.fails("help dance", 2, unknown);
 }
