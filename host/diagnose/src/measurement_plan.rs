@@ -154,7 +154,7 @@ pub fn measurement_visits(arm: &Arm, options: &Options, dwell_s: f64) -> Result<
     let n_held_out = |n_words: usize| (options.hold_out * n_words as f64).round() as usize;
     let is_enough = |n_words: usize| n_words.saturating_sub(n_held_out(n_words)) >= MIN_WORDS;
     if !is_enough(n_words.min(options.words)) {
-        // With everything held out no number of words suffices.
+        // Where all words are held out, none suffice.
         let needed = (MIN_WORDS..=COMPETING).find(|&n_words| is_enough(n_words)).unwrap_or(COMPETING);
         return Err(TooFewToPlan { of_arm: n_words, wanted: options.words, needed });
     }

@@ -91,7 +91,8 @@ impl Scene {
         } else {
             format!("{:.1}, {:.1}, {:.1} mm", p.x, p.y, p.z)
         };
-        self.dimension(format!("tool: {at}, {}", turn(pose, self.is_planar)), pose.position);
+        self.dimension(format!("tool: {at}"), pose.position);
+        self.dimension(format!("tool: {}", turn(pose, self.is_planar)), pose.position);
     }
 
     fn dimension(&mut self, text: String, at: Vec3<f64>) {
@@ -132,11 +133,11 @@ mod tests {
         let word = "101000000000".parse().unwrap();
         arm.model.predict(&arm.working_condition(word, &[]), &mut scratch).unwrap();
         let mut scene = Scene::of_arm(&arm, &scratch, word.iter());
-        assert!(!svg(&scene, true).contains("mm, 0.0°"), "none before they are added");
+        assert!(!svg(&scene, true).contains("1250.0 mm"), "none before they are added");
         scene.add_dimensions_of_arm(&arm, &scratch);
         let texts: Vec<&str> = scene.dimensions.iter().map(|dimension| dimension.text.as_str()).collect();
         assert_eq!(texts[..3], ["0: 1250.0 mm", "1: 1414.2 mm", "2: 1250.0 mm"]);
-        assert_eq!(texts.len(), 12 + 4 + 1);
+        assert_eq!(texts.len(), 12 + 4 + 2);
         let picture = svg(&scene, true);
         assert!(texts.iter().all(|text| picture.contains(text)), "{picture}");
     }

@@ -104,7 +104,11 @@ impl View {
                 line x1=(n(x)) x2=(n(x)) y1=(n(y - 5.0)) y2=(n(y + 5.0)) stroke=(INK) {}
             }
             @if self.column > 0.0 { (self.dimensions(&scene.dimensions, &at)) }
-            @if has_names { (legs(scene, &at)) (names(scene, &at, left + 0.85 * width)) }
+            @if has_names {
+                (legs(scene, &at))
+                // Dimensions bring the names of joints and stages along.
+                @if self.column == 0.0 { (names(scene, &at, left + 0.85 * width)) }
+            }
             (place.bar(left + 16.0, top + height - 16.0))
         }
     }

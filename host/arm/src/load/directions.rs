@@ -1,7 +1,7 @@
 //! The directions that gravity has in the base of each stage, and the one with the largest product with a vector.
 //!
 //! Each stage turns the directions of the one before. As long as a table holds them, they are in a tree of boxes; behind it
-//! the vector is turned back stage by stage instead, and left where the box of the directions shows that it cannot win.
+//! the vector is turned back stage by stage instead, and left where a [`Support`] shows that it cannot win.
 
 use std::collections::HashSet;
 
@@ -10,6 +10,7 @@ use darm_core::units::Word;
 
 use super::PRECISION;
 use super::hull::Point;
+use super::support::Support;
 use crate::stage_settings::joined;
 
 /// Most directions of one table: 15 MB.
@@ -32,8 +33,8 @@ pub(super) struct Directions {
     gravity: f64,
     /// Of the base of stage 0 and of the stages behind it, as far as they can be tabulated.
     tables: Vec<Table>,
-    /// Around all directions in the base of each stage.
-    bounds: Vec<Bounds>,
+    /// Of the bases of the stages behind those.
+    supports: Vec<Support>,
     turns: Vec<Vec<Turn>>,
 }
 
@@ -42,18 +43,43 @@ impl Directions {
     pub(super) fn new(gravity: Vec3<f64>, turns: Vec<Vec<Turn>>, rest: Word) -> Self {
         let mut directions = vec![Point { at: gravity, word: rest }];
         let mut tables = vec![Table::new(directions.clone())];
-        let mut bounds = vec![Bounds::around(&directions)];
-        for turns in turns.iter().take(turns.len().saturating_sub(1)) {
-            let before = bounds[bounds.len() - 1];
-            if tables.len() == bounds.len() && directions.len() * turns.len() <= MAX_DIRECTIONS {
-                directions = turned(&directions, turns, SAME * gravity.norm());
-                bounds.push(Bounds::around(&directions));
-                tables.push(Table::new(directions.clone()));
-            } else {
-                bounds.push(before.turned(turns));
+        // No stage is on the last one.
+        for turns in &turns[..inner_stages(&turns)] {
+            if directions.len() * turns.len() > MAX_DIRECTIONS {
+                break;
             }
+            directions = turned(&directions, turns, SAME * gravity.norm());
+            tables.push(Table::new(directions.clone()));
         }
-        Self { gravity: gravity.norm(), tables, bounds, turns }
+        let (n_tabulated, supports) = (tables.len() - 1, Vec::new());
+        let mut all = Self { gravity: gravity.norm(), tables, supports, turns };
+        for stage in n_tabulated..inner_stages(&all.turns) {
+            let largest = |direction: &Vec3<f64>| {
+                let products = all.turns[stage].iter().map(|turn| all.support(stage, &(turn.rotation * direction)));
+                products.fold(f64::NEG_INFINITY, f64::max)
+            };
+            let support = Support::new(largest);
+            all.supports.push(support);
+        }
+        all
+    }
+
+    /// What no product of a vector and a direction in the base of `stage` exceeds.
+    fn support(&self, stage: usize, vector: &Vec3<f64>) -> f64 {
+        let Some(table) = self.tables.get(stage) else {
+            return self.supports[stage - self.tables.len()].bound(vector);
+        };
+        let mut best = Best::default();
+        table.search(&Point { at: *vector, word: Word::default() }, &mut best);
+        best.found.map_or(f64::NEG_INFINITY, |(value, _)| value + PRECISION * value.abs())
+    }
+
+    /// The same, looser and quicker where a table would have to be searched.
+    fn bound(&self, stage: usize, vector: &Vec3<f64>) -> f64 {
+        match self.tables.get(stage) {
+            Some(table) => table.boxes[0].product(vector, self.gravity),
+            None => self.support(stage, vector),
+        }
     }
 
     /// The word that gives the largest product of a direction in the base of `stage` and one of `vectors`; `None` without any.
@@ -65,8 +91,8 @@ impl Directions {
 
     /// Tries the vectors from the most promising one on.
     fn try_all(&self, stage: usize, vectors: &[Point], best: &mut Best) {
-        let bound = |vector: &Point| self.bounds[stage].product(&vector.at, self.gravity);
-        let mut bounded: Vec<(f64, Point)> = vectors.iter().map(|vector| (bound(vector), *vector)).collect();
+        let mut bounded: Vec<(f64, Point)> =
+            vectors.iter().map(|vector| (self.bound(stage, &vector.at), *vector)).collect();
         bounded.sort_by(|a, b| b.0.total_cmp(&a.0));
         for (bound, vector) in bounded {
             if !best.may_gain(bound) {
@@ -83,6 +109,11 @@ impl Directions {
             }
         }
     }
+}
+
+/// How many stages another one follows.
+fn inner_stages(turns: &[Vec<Turn>]) -> usize {
+    turns.len().saturating_sub(1)
 }
 
 /// The directions behind a stage: each different one once.
@@ -137,14 +168,6 @@ impl Bounds {
 
     fn with(&self, point: &Vec3<f64>) -> Self {
         Self { low: self.low.inf(point), high: self.high.sup(point) }
-    }
-
-    /// Around all that a stage makes of the directions in this box.
-    fn turned(&self, turns: &[Turn]) -> Self {
-        let corner =
-            |k: usize| Vec3::from_fn(|axis, _| if k >> axis & 1 == 0 { self.low[axis] } else { self.high[axis] });
-        let corners = (0..8).flat_map(|k| turns.iter().map(move |turn| turn.rotation.tr_mul(&corner(k))));
-        corners.fold(Self::empty(), |bounds, point| bounds.with(&point))
     }
 
     /// What the product of a vector and a direction of this length in the box does not exceed.

@@ -25,12 +25,17 @@ pub(super) struct Point {
 pub(super) fn vertices(points: &[Point]) -> Vec<Point> {
     let size = points.iter().fold(0.0, |size: f64, point| size.max(point.at.norm()));
     let mut found: Vec<Point> = Vec::new();
-    for axis in 0..3 {
-        for direction in [Vec3::ith(axis, 1.0), Vec3::ith(axis, -1.0)] {
-            found.extend(farthest(points, &direction).filter(|point| !found.contains(point)));
-        }
+    let sign = |k: usize| k as f64 - 1.0;
+    let directions = (0..27).map(|k| Vec3::new(sign(k % 3), sign(k / 3 % 3), sign(k / 9)));
+    for direction in directions.filter(|direction| *direction != Vec3::zeros()) {
+        found.extend(farthest(points, &direction).filter(|point| !found.contains(point)));
     }
+    // Few vertices suffice for most points, and are soon looked at.
+    let coarse = found.clone();
     for point in points {
+        if let Side::Inside = side(&point.at, &coarse, TOLERANCE * size) {
+            continue;
+        }
         loop {
             match side(&point.at, &found, TOLERANCE * size) {
                 Side::Inside => break,
@@ -153,7 +158,7 @@ mod tests {
             let grid = (0..27).map(|k| Vec3::new(step(k % 3), depth * step(k / 3 % 3), height * step(k / 9)));
             let found = vertices(&points(grid));
             let is_corner = |point: &Point| point.at.iter().all(|x| *x == 0.0 || *x == 1.0);
-            let corners = 2 << usize::from(depth > 0.0) + usize::from(height > 0.0);
+            let corners = 2 << (usize::from(depth > 0.0) + usize::from(height > 0.0));
             assert_eq!((found.len(), found.iter().all(is_corner)), (corners, true), "{found:?}");
         }
     }

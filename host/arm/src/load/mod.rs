@@ -27,6 +27,7 @@
 pub mod capacity;
 mod directions;
 mod hull;
+mod support;
 
 use darm_core::actuator::{MAX_LEGS, Stage};
 use darm_core::chain::ChainError;

@@ -199,7 +199,7 @@ impl Choices {
     /// The name is not usable for files, a number is out of range, or the modules cannot be assembled in every word.
     pub fn files(&self) -> Result<NewArm, NewArmFault> {
         self.check()?;
-        let text = stages::arm_text(self);
+        let text = stages::arm_text(self, &profile_file(&self.name));
         let arm = Arm::parse(Path::new("arm.toml"), &text).ok().filter(assembles_in_every_word);
         let arm = arm.ok_or_else(|| self.too_long())?;
         Ok(NewArm { arm: text, profile: self.profile().to_toml_with_advice(), frames: self.frames(&arm) })
@@ -238,7 +238,7 @@ impl Choices {
     /// That the stroke is too long, with one that is not: found by bisection.
     fn too_long(&self) -> NewArmFault {
         let assembles = |stroke: f64| {
-            let text = stages::arm_text(&Self { stroke, modules: 1, ..self.clone() });
+            let text = stages::arm_text(&Self { stroke, modules: 1, ..self.clone() }, &profile_file(&self.name));
             Arm::parse(Path::new("arm.toml"), &text).is_ok_and(|arm| assembles_in_every_word(&arm))
         };
         let (mut possible, mut too_long) = (0.0, self.stroke);

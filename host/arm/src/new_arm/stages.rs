@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::{Choices, Topology, Valve, profile_file};
+use super::{Choices, Topology, Valve};
 
 /// Height of a contracted module over the width of its plates.
 const PLANAR_HEIGHT: f64 = 0.75;
@@ -25,15 +25,15 @@ struct Leg {
     length_m: f64,
 }
 
-/// The text of the arm file.
-pub(super) fn arm_text(choices: &Choices) -> String {
+/// The text of the arm file, which names this profile.
+pub(super) fn arm_text(choices: &Choices, profile: &str) -> String {
     let mut text = String::new();
     // Writing to a string cannot fail.
-    let _ = write_arm(&mut text, choices);
+    let _ = write_arm(&mut text, choices, profile);
     text
 }
 
-fn write_arm(w: &mut String, choices: &Choices) -> std::fmt::Result {
+fn write_arm(w: &mut String, choices: &Choices, profile: &str) -> std::fmt::Result {
     let Choices { name, topology, modules, valve, .. } = choices;
     let (what, gravity) = match topology {
         Topology::Planar => ("planar modules on three cylinders each", "[0.0, -9.81, 0.0]"),
@@ -49,7 +49,7 @@ fn write_arm(w: &mut String, choices: &Choices) -> std::fmt::Result {
         w,
         "# Lengths in m, angles in degrees; digit 0 is contracted, 1 extended. Masses are guesses: correct them.\n"
     )?;
-    writeln!(w, "format = 2\nname = \"{name}\"\nprofile = \"{}\"", profile_file(name))?;
+    writeln!(w, "format = 2\nname = \"{name}\"\nprofile = \"{profile}\"")?;
     writeln!(w, "length_scale_m = {}\n", number(0.5 * choices.size_m))?;
     writeln!(w, "[conditions]\ngravity_m_s2 = {gravity}\nsupply_bar = 6.0\ntemperature_c = 20.0\n")?;
     writeln!(w, "[tool]\nmass_kg = {TOOL_KG:?}")?;
@@ -83,7 +83,7 @@ fn spatial_legs(width: f64) -> Vec<Leg> {
         [radius * angle.cos(), radius * angle.sin()]
     };
     let leg = |number: u8| {
-        let (middle, side) = (120.0 * f64::from(number / 2), if number % 2 == 0 { -1.0 } else { 1.0 });
+        let (middle, side) = (120.0 * f64::from(number / 2), if number.is_multiple_of(2) { -1.0 } else { 1.0 });
         let [bx, by] = on_circle(radius, middle + side * BASE_SPREAD_DEG);
         let [tx, ty] = on_circle(TOP_RADIUS * radius, middle + side * TOP_SPREAD_DEG);
         let length_m = (tx - bx).hypot(ty - by).hypot(height);

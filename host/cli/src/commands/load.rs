@@ -69,6 +69,16 @@ impl Amount {
         }
     }
 
+    /// What the actuator does against the load.
+    fn direction(self) -> &'static str {
+        match self {
+            Self::Force { force_n } if force_n < 0.0 => "pulling",
+            Self::Force { .. } => "pushing",
+            Self::Torque { torque_nm } if torque_nm < 0.0 => "turning down",
+            Self::Torque { .. } => "turning up",
+        }
+    }
+
     fn unit(self) -> &'static str {
         match self {
             Self::Force { .. } => "N",
@@ -257,16 +267,16 @@ fn range_line(arm: &Arm, actuator: usize, states: &[Option<LoadRange>]) -> Range
 
 impl WorstReport {
     fn text(&self) -> String {
-        let direction = if self.load.value() > 0.0 { "push" } else { "pull" };
         let (load, gives) = (self.load.value().abs(), self.gives.value());
         format!(
-            "actuator {} ({}) in the word {}: {} of {} {} {direction}",
+            "actuator {} ({}) in the word {}: {} of {} {}, {}",
             self.actuator,
             self.name,
             self.word,
             number(load, 1),
             number(gives, 1),
-            self.gives.unit()
+            self.gives.unit(),
+            self.load.direction()
         )
     }
 }
@@ -319,7 +329,7 @@ impl LoadReport {
 impl Answer for LoadReport {
     fn text(&self) -> String {
         let with = |worst: &WorstReport| {
-            format!("with {} kg the most is used of {}\n", six_digits(self.payload_kg), worst.text())
+            format!("with {} kg the most loaded is {}\n", six_digits(self.payload_kg), worst.text())
         };
         let worst = self.worst.as_ref().map_or(String::new(), with);
         let payload = six_digits(self.payload_kg);
@@ -335,11 +345,12 @@ impl Answer for WordReport {
     fn text(&self) -> String {
         let mut rows = vec![["actuator", "", "state", "load", "", "borne by"].map(str::to_owned).to_vec()];
         rows.extend(self.actuators.iter().map(|line| {
-            let direction = if line.load.value() < 0.0 { "pull" } else { "push" };
             let borne_by = match line.gives {
-                Some(gives) => format!("{direction} of {} {}", number(gives.value(), 1), gives.unit()),
+                Some(gives) => {
+                    format!("{}, with up to {} {}", line.load.direction(), number(gives.value(), 1), gives.unit())
+                }
                 None if line.is_on_stop => "its stop".to_owned(),
-                None => direction.to_owned(),
+                None => line.load.direction().to_owned(),
             };
             let load = line.load;
             vec![
@@ -351,9 +362,9 @@ impl Answer for WordReport {
                 borne_by,
             ]
         }));
-        let worst = self.worst.as_ref().map(|worst| format!("the most is used of {}\n\n", worst.text()));
+        let worst = self.worst.as_ref().map(|worst| format!("the most loaded is {}\n\n", worst.text()));
         format!(
-            "{}{}\n\nwith {} kg in addition to the tool; a load above zero is compression, or drives a joint down",
+            "{}{}\n\nwith {} kg in addition to the tool; a load above zero is compression, or turns a joint down",
             worst.unwrap_or_default(),
             columns(&rows),
             six_digits(self.payload_kg)
