@@ -92,8 +92,11 @@ fn the_ranges_are_those_of_all_words() {
 #[test]
 fn the_ranges_are_those_of_all_words_in_space() {
     let mut rng = ChaCha8Rng::seed_from_u64(49);
-    let arm = with_random_masses(arm("spatial3.toml"), &mut rng);
-    check(&arm, 2.0, words(&arm), true);
+    for n_stages in 1..=3 {
+        let mut arm = with_random_masses(arm("spatial3.toml"), &mut rng);
+        arm.model.chain.stages.truncate(n_stages);
+        check(&arm, 2.0, words(&arm), true);
+    }
 }
 
 #[test]
