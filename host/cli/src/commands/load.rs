@@ -37,7 +37,7 @@ pub(crate) struct Load {
     #[arg(value_name = "ARM.toml")]
     arm: PathBuf,
     /// Mass that the tool carries in addition to `mass_kg` of the arm file, at the same centre, in kg
-    #[arg(long, value_name = "KG", default_value_t = 0.0)]
+    #[arg(long, value_name = "KG", default_value_t = 0.0, allow_negative_numbers = true)]
     payload: f64,
     /// Loads in this word only
     #[arg(long, value_name = "WORD")]

@@ -16,7 +16,7 @@ use crate::ui::{Answer, Ui};
 
 const EXAMPLES: &str = "\
 Examples:
-  darm new lift                                                  # asks; without a terminal it takes the defaults
+  darm new lift                                                  # asks for the choices
   darm new reach --topology planar --modules 2 --valve bistable
   darm new six --topology spatial --modules 3 --size 400 --bore 32 --board b-l475e-iot01a
   darm new snake --topology serial --modules 6 --angle 40 --torque 12

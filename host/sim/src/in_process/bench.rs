@@ -65,6 +65,8 @@ pub struct Bench {
     tick_ns: u64,
     polls: usize,
     chain_faults: ChainFaults,
+    /// Chips of the chain.
+    chips: u8,
     /// For this time the flash lets nothing run.
     paused: Micros,
     /// Switch inputs that read the opposite of the plant's switches.
@@ -92,6 +94,7 @@ impl Bench {
             tick_ns: TICK_NS,
             polls: POLLS,
             chain_faults: ChainFaults::default(),
+            chips: CHIPS as u8,
             paused: Micros(0),
             inverted: 0,
             edges: Vec::new(),
@@ -179,6 +182,12 @@ impl Bench {
         self.wires.faults.set(faults);
     }
 
+    /// The chain has this number of chips, 1 to 8, in place of 8: where its far end is wired back the board counts them.
+    pub fn set_chips(&mut self, chips: u8) {
+        self.chips = chips;
+        self.wires.chips.set(chips);
+    }
+
     /// What is wrong between the board and its chain.
     pub fn chain_faults(&self) -> ChainFaults {
         self.chain_faults
@@ -244,6 +253,7 @@ impl Bench {
         self.wires.button.set(self.button);
         self.wires.supply_mv.set(self.supply_mv);
         self.wires.faults.set(self.chain_faults);
+        self.wires.chips.set(self.chips);
         let firmware = board::run(self.wires.clone(), self.flash.clone(), self.memory.clone());
         self.firmware = Some(Box::pin(firmware));
     }

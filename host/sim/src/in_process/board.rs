@@ -112,6 +112,8 @@ pub(super) struct Wires {
     pub(super) supply_mv: Cell<Option<u16>>,
     /// What is wrong with the chain.
     pub(super) faults: Cell<ChainFaults>,
+    /// The chips of the chain.
+    pub(super) chips: Cell<u8>,
     /// The stages of the shift registers, that of the last chip highest.
     stages: Cell<u64>,
     /// Pins that are high, by bit of [`Pin`].
@@ -133,6 +135,7 @@ impl Default for Wires {
             button: Cell::new(false),
             supply_mv: Cell::new(None),
             faults: Cell::default(),
+            chips: Cell::new(8),
             stages: Cell::new(0),
             levels: Cell::new(1 << Pin::Enable as u8),
             edges: RefCell::default(),
@@ -198,7 +201,8 @@ impl ErrorType for FarEnd {
 
 impl InputPin for FarEnd {
     fn is_high(&mut self) -> Result<bool, Infallible> {
-        Ok(!self.0.faults.get().return_cut && self.0.stages.get() >> 63 == 1)
+        let last = 8 * self.0.chips.get().clamp(1, 8) - 1;
+        Ok(!self.0.faults.get().return_cut && self.0.stages.get() >> last & 1 == 1)
     }
 
     fn is_low(&mut self) -> Result<bool, Infallible> {

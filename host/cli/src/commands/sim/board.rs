@@ -101,9 +101,11 @@ impl Board {
         let chip = pins.map_or_else(Chip::default, Chip::of_board);
         let with_profile = |profile: &BoardProfile| MemoryFlash::with_profile_on(chip, &profile.image());
         let flash = setup.profile.map_or_else(|| MemoryFlash::new(chip), with_profile);
+        let chips = setup.profile.and_then(|profile| profile.profile.board.chips);
         let plant = setup.plant();
         let board = InProcess::run("in-process", move || {
             let mut bench = Bench::new(plant, flash);
+            chips.into_iter().for_each(|chips| bench.set_chips(chips));
             // A board that measures its supply is one with pins.
             pins.into_iter().for_each(|pins| bench.set_supply(nominal_supply_mv(pins)));
             bench
