@@ -15,10 +15,10 @@ use crate::ui::{Answer, Ui, columns, number, six_digits};
 
 const EXAMPLES: &str = "\
 Examples:
-  darm load pneumatic9.toml                               # what it carries at the supply of the file
-  darm load pneumatic9.toml --payload 2 --supply 5        # loads with 2 kg, and what it carries at 5 bar
+  darm load pneumatic9.toml                               # what it carries at its supply
+  darm load pneumatic9.toml --payload 2 --supply 5        # loads with 2 kg, at 5 bar
   darm load pneumatic9.toml --payload 2 --word 010110011  # in one word
-  darm --json load spatial6.toml --payload 2              # loads of the legs, over 64^6 words
+  darm --json load spatial6.toml --payload 2              # over 64^6 words
 
 Statics of the arm at rest in its geometry: without effects, friction and inertia, and with the masses of the arm file. Loads \
 are those of the worst of all words, exact to 1e-6; words that cannot be assembled are left out. What an actuator gives is \
