@@ -44,7 +44,11 @@ const GROUPS: [Group; 7] = [
     Group {
         name: "diagnosis",
         about: "What a model does not have, from measurements of an arm or a robot",
-        commands: &["import", "diagnose", "calibrate", "bundle"],
+        commands: if cfg!(feature = "camera") {
+            &["import", "camera", "diagnose", "calibrate", "bundle"]
+        } else {
+            &["import", "diagnose", "calibrate", "bundle"]
+        },
     },
     Group {
         name: "robots",

@@ -6,6 +6,8 @@ mod bringup;
 mod bundle;
 mod calibrate;
 mod camera;
+#[cfg(feature = "camera")]
+mod camera_command;
 mod com;
 mod completions;
 mod console;
@@ -104,6 +106,8 @@ pub(crate) enum Command {
     Status(status::Status),
     Record(record::Record),
     Import(import::Import),
+    #[cfg(feature = "camera")]
+    Camera(camera_command::CameraCommand),
     Diagnose(diagnose::Diagnose),
     Calibrate(calibrate::Calibrate),
     Bundle(bundle::Bundle),
@@ -150,6 +154,8 @@ impl Command {
             Self::Status(command) => command.run(ui),
             Self::Record(command) => command.run(ui),
             Self::Import(command) => command.run(ui),
+            #[cfg(feature = "camera")]
+            Self::Camera(command) => command.run(ui),
             Self::Diagnose(command) => command.run(ui),
             Self::Calibrate(command) => command.run(ui),
             Self::Bundle(command) => command.run(ui),

@@ -1,0 +1,44 @@
+//! From pictures of printed tags to poses with their covariance.
+//!
+//! ```text
+//! target ─► drawing (SVG)                            print it
+//!    │
+//! source ─► grey image ─► detect ─► edges ─► corners with covariance
+//!    │                                          │
+//!    ├─ collector: view ─► zhang ─► calibrate ──┼─► camera (lens, covariance, file)
+//!    │             missing views                │        │
+//!    └─ watch ──────────────────────────────────┴► tag pose ─► uncertain pose of the tool in the base, or flags
+//! ```
+//!
+//! Conventions: pixels from the centre of the first one ([`grey`]); the camera looks along z, x to the right, y down ([`lens`]); a
+//! tag has x to the right, y up, z out of the paper ([`target`]). Lengths in m, angles in rad, in the image px.
+//!
+//! The crate reads no clock and no device: pictures come from a [`source`], and who takes them knows when. With the feature
+//! `render` it also draws pictures of tags through a lens, by code that is not that of the estimator.
+//!
+//! # Which detector
+//!
+//! See [`detect`].
+
+pub mod calibrate;
+pub mod camera;
+pub mod collector;
+pub mod detect;
+pub mod drawing;
+pub mod edges;
+pub mod family;
+pub mod grey;
+pub mod homography;
+pub mod image_file;
+pub mod least_squares;
+pub mod lens;
+pub mod missing_views;
+#[cfg(feature = "render")]
+pub mod render;
+pub mod source;
+pub mod tag_pose;
+pub mod target;
+pub mod uncertain_pose;
+pub mod view;
+pub mod watch;
+pub mod zhang;

@@ -1,0 +1,331 @@
+//! Pictures of printed tags through a lens, for tests and the simulator.
+//!
+//! Shares the codes of the tags and the names of the lens's numbers with the estimator, and no code: rays are traced from each
+//! pixel to the sheets. A pixel is the mean over its area (8 x 8 rays where a border runs through it); then come, in this
+//! order, motion, blur, vignetting, noise, and rounding to 8 bits.
+//!
+//! Frames as everywhere: the camera looks along z, x to the right, y down; a sheet has x to the right, y up, z out of it.
+//! Grey levels are linear in light.
+
+use darm_core::real::{Mat3, Vec3};
+use darm_core::se::Pose;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution as _, Normal};
+
+use crate::family::{CELLS, cells};
+use crate::grey::{GreyImage, GreyImageError};
+use crate::target::{Tag, Target};
+
+/// Rays along each side of a pixel that a border runs through. The error of a border's place is about 1/8²/√12 of a pixel per
+/// pixel of its length, and it averages out.
+const RAYS: usize = 8;
+
+/// Grey levels of ink, paper and background: a print in the middle of the range.
+const INK: f32 = 22.0;
+const PAPER: f32 = 205.0;
+const BACKGROUND: f32 = 110.0;
+
+/// A camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Optics {
+    /// Pixels along a row.
+    pub width: usize,
+    /// Number of rows.
+    pub height: usize,
+    /// Focal lengths, px.
+    pub focal_px: [f64; 2],
+    /// Principal point, px.
+    pub centre_px: [f64; 2],
+    /// k₁, k₂ of Brown's model.
+    pub radial: [f64; 2],
+    /// p₁, p₂ of Brown's model.
+    pub tangential: [f64; 2],
+    /// Standard deviation of the blur in addition to the pixel's area, px.
+    pub blur_px: f64,
+    /// Light lost at the corner of the picture, as a part of that in the middle.
+    pub vignetting: f64,
+    /// Standard deviation of a pixel, grey levels.
+    pub noise: f64,
+}
+
+impl Optics {
+    /// A webcam of 1280 x 720 pixels, 71° across.
+    pub fn webcam() -> Self {
+        Self {
+            width: 1280,
+            height: 720,
+            focal_px: [900.0, 902.0],
+            centre_px: [644.0, 355.0],
+            radial: [-0.12, 0.03],
+            tangential: [6e-4, -4e-4],
+            blur_px: 0.7,
+            vignetting: 0.25,
+            noise: 2.0,
+        }
+    }
+}
+
+/// A sheet with tags, in front of a background.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sheet {
+    /// Pose of the sheet in the frame of the camera.
+    pub pose_camera_sheet: Pose<f64>,
+    /// Half of its width and height, m.
+    pub half_m: [f64; 2],
+    /// Tags with their centres on it, m.
+    pub tags: Vec<(Tag, [f64; 2])>,
+}
+
+impl Sheet {
+    /// The calibration board with a margin as wide as the gap between its tags.
+    pub fn board(target: &Target, pose_camera_board: Pose<f64>) -> Self {
+        let tags: Vec<_> = target.board().map(|(tag, centre)| (tag, [centre.x, centre.y])).collect();
+        let margin_m = tags.first().map_or(0.0, |(tag, _)| 2.0 * Target::margin_m(tag));
+        let half_m = target.board_size_m().map(|side| side / 2.0 + margin_m);
+        Self { pose_camera_sheet: pose_camera_board, half_m, tags }
+    }
+
+    /// A single tag with twice the margin that it needs.
+    pub fn tag(tag: Tag, pose_camera_tag: Pose<f64>) -> Self {
+        let half = tag.side_m / 2.0 + 2.0 * Target::margin_m(&tag);
+        Self { pose_camera_sheet: pose_camera_tag, half_m: [half; 2], tags: vec![(tag, [0.0; 2])] }
+    }
+}
+
+/// A rectangle or half-plane of one grey in the background, in the picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Patch {
+    /// Its middle, as a direction (x, y, 1).
+    pub middle: [f64; 2],
+    /// Half of its sides, the same.
+    pub half: [f64; 2],
+    /// By how much it is turned, rad.
+    pub angle_rad: f64,
+    /// Its grey level.
+    pub grey: f32,
+}
+
+/// What the camera sees.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Scene {
+    /// Sheets, of which the nearest along a ray is seen.
+    pub sheets: Vec<Sheet>,
+    /// Patches of the background, the last on top.
+    pub patches: Vec<Patch>,
+}
+
+/// A sheet with what is computed once for all rays.
+struct Plane<'a> {
+    sheet: &'a Sheet,
+    /// From a direction to homogeneous coordinates on the sheet; the last is one over the depth.
+    on_sheet: Mat3<f64>,
+    tags: Vec<(&'a Tag, [f64; 2], [[bool; CELLS]; CELLS])>,
+}
+
+impl<'a> Plane<'a> {
+    fn new(sheet: &'a Sheet) -> Option<Self> {
+        let Pose { rotation, position } = sheet.pose_camera_sheet;
+        let to_camera =
+            Mat3::from_columns(&[rotation.column(0).into_owned(), rotation.column(1).into_owned(), position]);
+        let tags = sheet.tags.iter().filter_map(|(tag, middle)| Some((tag, *middle, cells(tag.id)?)));
+        Some(Self { sheet, on_sheet: to_camera.try_inverse()?, tags: tags.collect() })
+    }
+
+    /// Depth and grey level where a ray hits the sheet.
+    fn hit(&self, direction: [f64; 2]) -> Option<(f64, f32)> {
+        let at = self.on_sheet * Vec3::new(direction[0], direction[1], 1.0);
+        let depth = 1.0 / at.z;
+        let (x, y) = (at.x * depth, at.y * depth);
+        if !(depth > 0.0 && x.abs() <= self.sheet.half_m[0] && y.abs() <= self.sheet.half_m[1]) {
+            return None;
+        }
+        Some((depth, if self.is_ink(x, y) { INK } else { PAPER }))
+    }
+
+    fn is_ink(&self, x: f64, y: f64) -> bool {
+        self.tags.iter().any(|(tag, middle, cells)| {
+            let cell_m = tag.side_m / CELLS as f64;
+            let column = ((x - middle[0] + tag.side_m / 2.0) / cell_m).floor();
+            let row = ((middle[1] - y + tag.side_m / 2.0) / cell_m).floor();
+            let inside = 0.0..CELLS as f64;
+            inside.contains(&column) && inside.contains(&row) && !cells[row as usize][column as usize]
+        })
+    }
+}
+
+/// A camera with its rays.
+pub struct Renderer {
+    optics: Optics,
+    /// Directions of the corners of all pixels, row by row, one more than pixels along each side.
+    corners: Vec<[f64; 2]>,
+}
+
+impl Renderer {
+    /// Computes the rays of a camera.
+    pub fn new(optics: Optics) -> Self {
+        let columns = optics.width + 1;
+        let corner = |k: usize| ray(&optics, [(k % columns) as f64 - 0.5, (k / columns) as f64 - 0.5]);
+        let corners = (0..columns * (optics.height + 1)).map(corner).collect();
+        Self { optics, corners }
+    }
+
+    /// A picture of a scene in which nothing moves.
+    ///
+    /// # Errors
+    ///
+    /// The camera has no pixels, or too many.
+    pub fn picture(&self, scene: &Scene, rng: &mut ChaCha8Rng) -> Result<GreyImage, GreyImageError> {
+        self.picture_of_motion(std::slice::from_ref(scene), rng)
+    }
+
+    /// A picture during which each of the scenes was seen for the same part of the exposure.
+    ///
+    /// # Errors
+    ///
+    /// The camera has no pixels, or too many.
+    pub fn picture_of_motion(&self, scenes: &[Scene], rng: &mut ChaCha8Rng) -> Result<GreyImage, GreyImageError> {
+        self.exposed(&self.light(scenes), self.optics.noise, rng)
+    }
+
+    /// The light on each pixel, without noise, when each of the scenes is seen for the same part of the exposure; grey levels.
+    pub fn light(&self, scenes: &[Scene]) -> Vec<f32> {
+        let Optics { width, height, blur_px, vignetting, centre_px, .. } = self.optics;
+        let mut light = vec![0.0f32; width * height];
+        for scene in scenes {
+            self.add_light(scene, 1.0 / scenes.len() as f32, &mut light);
+        }
+        blur(&mut light, width, blur_px);
+        let corner2 = (width * width + height * height) as f64 / 4.0;
+        for (k, light) in light.iter_mut().enumerate() {
+            let (x, y) = ((k % width) as f64 - centre_px[0], (k / width) as f64 - centre_px[1]);
+            *light *= (1.0 - vignetting * (x * x + y * y) / corner2) as f32;
+        }
+        light
+    }
+
+    /// A picture of light, with a standard deviation of each pixel in grey levels.
+    ///
+    /// # Errors
+    ///
+    /// The camera has no pixels, or too many, or not as many as there are values of light.
+    pub fn exposed(&self, light: &[f32], noise: f64, rng: &mut ChaCha8Rng) -> Result<GreyImage, GreyImageError> {
+        // No noise where its deviation is not finite.
+        let distribution = Normal::new(0.0, noise.abs() as f32).ok();
+        let mut pixel = |light: &f32| {
+            let noise = distribution.map_or(0.0, |noise| noise.sample(rng));
+            (light + noise).round().clamp(0.0, 255.0) as u8
+        };
+        GreyImage::new(self.optics.width, self.optics.height, light.iter().map(&mut pixel).collect())
+    }
+
+    /// Adds the light of a scene, times `share`.
+    fn add_light(&self, scene: &Scene, share: f32, light: &mut [f32]) {
+        let planes: Vec<Plane> = scene.sheets.iter().filter_map(Plane::new).collect();
+        let grey = |direction| {
+            let nearest = planes.iter().filter_map(|plane| plane.hit(direction)).min_by(|a, b| a.0.total_cmp(&b.0));
+            nearest.map_or_else(|| background(&scene.patches, direction), |(_, grey)| grey)
+        };
+        let columns = self.optics.width + 1;
+        let at_corners: Vec<f32> = self.corners.iter().map(|corner| grey(*corner)).collect();
+        for (k, light) in light.iter_mut().enumerate() {
+            let first = k / self.optics.width * columns + k % self.optics.width;
+            let corners = [first, first + 1, first + columns, first + columns + 1];
+            let uniform = corners[1..].iter().all(|corner| at_corners[*corner] == at_corners[first]);
+            let mean = if uniform { at_corners[first] } else { mean(corners.map(|c| self.corners[c]), grey) };
+            *light += share * mean;
+        }
+    }
+}
+
+/// The mean of a function over a pixel between the directions of its four corners.
+fn mean([a, b, c, d]: [[f64; 2]; 4], grey: impl Fn([f64; 2]) -> f32) -> f32 {
+    let mut sum = 0.0;
+    for k in 0..RAYS * RAYS {
+        let [right, down] = [k % RAYS, k / RAYS].map(|k| (k as f64 + 0.5) / RAYS as f64);
+        let between = |axis: usize| {
+            (a[axis] * (1.0 - right) + b[axis] * right) * (1.0 - down)
+                + (c[axis] * (1.0 - right) + d[axis] * right) * down
+        };
+        sum += grey([between(0), between(1)]);
+    }
+    sum / (RAYS * RAYS) as f32
+}
+
+fn background(patches: &[Patch], direction: [f64; 2]) -> f32 {
+    let inside = |patch: &&Patch| {
+        let (sin, cos) = patch.angle_rad.sin_cos();
+        let (x, y) = (direction[0] - patch.middle[0], direction[1] - patch.middle[1]);
+        (x * cos + y * sin).abs() <= patch.half[0] && (y * cos - x * sin).abs() <= patch.half[1]
+    };
+    patches.iter().rev().find(inside).map_or(BACKGROUND, |patch| patch.grey)
+}
+
+/// The direction (x, y, 1) that is seen at a point of the picture: a fixed point, which converges for the lenses in use.
+fn ray(optics: &Optics, at: [f64; 2]) -> [f64; 2] {
+    let [k1, k2] = optics.radial;
+    let [p1, p2] = optics.tangential;
+    let seen = [0, 1].map(|axis| (at[axis] - optics.centre_px[axis]) / optics.focal_px[axis]);
+    let [mut x, mut y] = seen;
+    for _ in 0..60 {
+        let r2 = x * x + y * y;
+        let radial = 1.0 + k1 * r2 + k2 * r2 * r2;
+        let shift = [2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x), p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y];
+        [x, y] = [(seen[0] - shift[0]) / radial, (seen[1] - shift[1]) / radial];
+    }
+    [x, y]
+}
+
+/// A Gaussian along rows and columns, cut at four standard deviations; each of its weights is the integral over a pixel.
+fn blur(light: &mut [f32], width: usize, deviation_px: f64) {
+    if deviation_px <= 0.0 {
+        return;
+    }
+    let reach = (4.0 * deviation_px).ceil() as i64;
+    let weight = |k: i64| (-0.5 * (k as f64 / deviation_px).powi(2)).exp();
+    let sum: f64 = (-reach..=reach).map(weight).sum();
+    let weights: Vec<f32> = (-reach..=reach).map(|k| (weight(k) / sum) as f32).collect();
+    let along = |light: &[f32], from: &dyn Fn(usize, i64) -> usize| -> Vec<f32> {
+        let one = |k: usize| weights.iter().zip(-reach..).map(|(weight, by)| weight * light[from(k, by)]).sum();
+        (0..light.len()).map(one).collect()
+    };
+    let height = light.len() / width;
+    let clamped = |at: usize, by: i64, length: usize| (at as i64 + by).clamp(0, length as i64 - 1) as usize;
+    let rows = along(light, &|k, by| k / width * width + clamped(k % width, by, width));
+    let both = along(&rows, &|k, by| clamped(k / width, by, height) * width + k % width);
+    light.copy_from_slice(&both);
+}
+
+#[cfg(test)]
+mod tests {
+    use darm_core::real::Vec3;
+    use darm_core::se::Pose;
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::SeedableRng as _;
+
+    use super::{Optics, Renderer, Scene, Sheet};
+    use crate::target::Tag;
+
+    /// A tag of 80 mm at 0.4 m, seen with 500 px: 100 px wide, about the middle of the picture.
+    #[test]
+    fn a_tag_is_as_wide_as_its_distance_says() {
+        let optics = Optics {
+            width: 201,
+            height: 201,
+            focal_px: [500.0; 2],
+            centre_px: [100.0; 2],
+            radial: [0.0; 2],
+            tangential: [0.0; 2],
+            blur_px: 0.0,
+            vignetting: 0.0,
+            noise: 0.0,
+        };
+        let facing = Pose::new(&Vec3::new(std::f64::consts::PI, 0.0, 0.0), Vec3::new(0.0, 0.0, 0.4));
+        let scene = Scene { sheets: vec![Sheet::tag(Tag { id: 3, side_m: 0.08 }, facing)], ..Scene::default() };
+        let image = Renderer::new(optics).picture(&scene, &mut ChaCha8Rng::seed_from_u64(1)).unwrap();
+        // The border is the outer cell: pixels 50.5 to 62.5 from the left are ink, those before are paper.
+        let row: Vec<u8> = (45..60).map(|column| image.get(column, 100).unwrap()).collect();
+        assert_eq!(row[..5], [205; 5]);
+        assert_eq!(row[6..], [22; 9]);
+        assert!((i32::from(row[5]) - 114).abs() <= 1, "half ink, half paper: {}", row[5]);
+    }
+}
