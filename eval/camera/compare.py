@@ -18,8 +18,8 @@ import cv2
 import numpy as np
 from pupil_apriltags import Detector
 
-# The lens of the rendered pictures, `Optics::webcam`.
-K = np.array([[900.0, 0, 644.0], [0, 902.0, 355.0], [0, 0, 1]])
+# The lens of the rendered pictures, `Optics::webcam`; its principal point is in the file, for they are parts of its picture.
+FOCAL_PX = [900.0, 902.0]
 DISTORTION = np.array([-0.12, 0.03, 6e-4, -4e-4])
 SIDE_M = 0.05
 
@@ -52,7 +52,7 @@ class OpenCv:
     def __call__(self, image):
         corners, ids, _ = self.detector.detectMarkers(image)
         # Clockwise from the upper left, and turned by 180 degrees against the AprilTag library's drawing.
-        return [] if ids is None else [(int(i), c[0][[1, 0, 3, 2]]) for i, c in zip(ids[:, 0], corners)]
+        return [] if ids is None else [(int(i), c[0][[1, 0, 3, 2]]) for i, c in zip(ids.ravel(), corners)]
 
 
 def nearest(found, tag, truth):
@@ -63,16 +63,17 @@ def nearest(found, tag, truth):
     return best if best is not None and distance(best) < 20 else None
 
 
-def pose_error(corners, truth_pose):
+def pose_error(corners, centre_px, truth_pose):
     """Position error in m and orientation error in rad of the pose that fits corners best."""
+    k = np.array([[FOCAL_PX[0], 0, centre_px[0]], [0, FOCAL_PX[1], centre_px[1]], [0, 0, 1]])
     h = SIDE_M / 2
     points = np.array([[-h, -h, 0], [h, -h, 0], [h, h, 0], [-h, h, 0]])
     order = [3, 2, 1, 0]  # what SOLVEPNP_IPPE_SQUARE wants
     ok, rotation, position, _ = cv2.solvePnPGeneric(
-        points[order], corners[order].reshape(-1, 1, 2).astype(float), K, DISTORTION, flags=cv2.SOLVEPNP_IPPE_SQUARE)
+        points[order], corners[order].reshape(-1, 1, 2).astype(float), k, DISTORTION, flags=cv2.SOLVEPNP_IPPE_SQUARE)
     if not ok:
         return np.inf, np.inf
-    r, p = cv2.solvePnPRefineLM(points, corners.reshape(-1, 1, 2).astype(float), K, DISTORTION, rotation[0], position[0])
+    r, p = cv2.solvePnPRefineLM(points, corners.reshape(-1, 1, 2).astype(float), k, DISTORTION, rotation[0], position[0])
     return between(np.concatenate([r.ravel(), p.ravel()]), truth_pose)
 
 
@@ -109,7 +110,7 @@ def pictures(folder):
         false = sum(len(t) for t in tags.values()) - hits
         errors = np.array([corners[name][k] - truth[k][2] for k in common if corners[name][k] is not None])
         distances = np.linalg.norm(errors, axis=2).ravel()
-        poses = [pose_error(corners[name][k], np.array(truth[k][3][2:8], float)) for k in common if corners[name][k] is not None]
+        poses = [pose_error(corners[name][k], np.array(truth[k][3][:2], float), np.array(truth[k][3][2:8], float)) for k in common if corners[name][k] is not None]
         mm, mrad = 1e3 * np.median([p[0] for p in poses]), 1e3 * np.median([p[1] for p in poses])
         rate = f", {len(names) / seconds[name]:.0f} pictures/s" if name in seconds else ""
         print(f"{name}: found {100 * hits / len(truth):.1f} %, false {false}; corners rms {np.sqrt((errors ** 2).mean()):.4f} px"

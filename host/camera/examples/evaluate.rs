@@ -39,6 +39,9 @@ type Outcome = Result<(), Box<dyn Error>>;
 /// 5 and 95 % points of χ² with 6 degrees of freedom.
 const CHI_SQUARED_6: [f64; 2] = [1.635_4, 12.591_6];
 
+/// Side of the tags, m.
+const SIDE_M: f64 = 0.05;
+
 fn main() -> Outcome {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let number = |k: usize| arguments.get(k).and_then(|text| text.parse::<u64>().ok()).ok_or("a number is missing");
@@ -71,21 +74,30 @@ fn facing(rng: &mut ChaCha8Rng, optics: &Optics, pixel: [f64; 2], depth_m: f64, 
     Pose { position: Vec3::new(at(0), at(1), depth_m), ..(tilted * front * turn) }
 }
 
-/// Four tags of 25 to 160 px, one in each quarter of the picture, before patches of all greys.
-fn four_tags(rng: &mut ChaCha8Rng, optics: &Optics) -> Scene {
-    let sheets = (0..4u16).map(|quarter| {
-        let pixel = [
-            optics.width as f64 * (0.27 + 0.46 * f64::from(quarter % 2) + rng.random_range(-0.04..0.04)),
-            optics.height as f64 * (0.27 + 0.46 * f64::from(quarter / 2) + rng.random_range(-0.04..0.04)),
-        ];
-        let side_px = 25.0 * 6.4f64.powf(rng.random_range(0.0..1.0));
-        let tag = Tag { id: rng.random_range(0..587 / 4) * 4 + quarter, side_m: 0.05 };
-        let pose = facing(rng, optics, pixel, 0.05 * optics.focal_px[0] / side_px, [0.0, 60f64.to_radians()]);
-        Sheet::tag(tag, pose)
-    });
-    let sheets = sheets.collect();
-    Scene { sheets, patches: patches(rng, 40) }
+/// A part of a camera's picture: the same lens with its principal point elsewhere. It renders in less time than the complete one.
+fn part(rng: &mut ChaCha8Rng, optics: Optics, [width, height]: [usize; 2]) -> Optics {
+    let x = rng.random_range(0..=optics.width.saturating_sub(width)) as f64;
+    let y = rng.random_range(0..=optics.height.saturating_sub(height)) as f64;
+    Optics { width, height, centre_px: [optics.centre_px[0] - x, optics.centre_px[1] - y], ..optics }
 }
+
+/// Tags of 25 to 110 px, tilted by up to 60°, around these parts of the picture's sides, before patches of all greys.
+fn tags_at(rng: &mut ChaCha8Rng, optics: &Optics, places: &[[f64; 2]]) -> Scene {
+    let mut id = rng.random_range(0..587 - places.len() as u16);
+    let mut one = |place: &[f64; 2]| {
+        let mut pixel = |axis: usize, side: usize| side as f64 * place[axis] + rng.random_range(-8.0..8.0);
+        let pixel = [pixel(0, optics.width), pixel(1, optics.height)];
+        let side_px = 25.0 * 4.4f64.powf(rng.random_range(0.0..1.0));
+        let pose = facing(rng, optics, pixel, SIDE_M * optics.focal_px[0] / side_px, [0.0, 60f64.to_radians()]);
+        id += 1;
+        Sheet::tag(Tag { id, side_m: SIDE_M }, pose)
+    };
+    let sheets = places.iter().map(&mut one).collect();
+    Scene { sheets, patches: patches(rng, 15) }
+}
+
+/// One tag in each quarter of a picture.
+const QUARTERS: [[f64; 2]; 4] = [[0.25, 0.27], [0.75, 0.27], [0.25, 0.73], [0.75, 0.73]];
 
 fn patches(rng: &mut ChaCha8Rng, count: usize) -> Vec<Patch> {
     let one = |rng: &mut ChaCha8Rng| Patch {
@@ -98,8 +110,9 @@ fn patches(rng: &mut ChaCha8Rng, count: usize) -> Vec<Patch> {
 }
 
 /// The optics of a picture: blur from none to soft, noise from a sunny to a dim room.
-fn any_optics(rng: &mut ChaCha8Rng) -> Optics {
-    Optics { blur_px: rng.random_range(0.3..1.3), noise: rng.random_range(0.5..5.0), ..Optics::webcam() }
+fn any_optics(rng: &mut ChaCha8Rng, size: [usize; 2]) -> Optics {
+    let optics = Optics { blur_px: rng.random_range(0.3..1.3), noise: rng.random_range(0.5..5.0), ..Optics::webcam() };
+    part(rng, optics, size)
 }
 
 /// Where the corners of a tag are seen.
@@ -122,8 +135,8 @@ fn pictures(folder: &Path, count: u64, seed: u64) -> Outcome {
     let (mut truth, mut ours, mut poses) = (String::new(), String::new(), String::new());
     for k in 0..count {
         let mut rng = ChaCha8Rng::seed_from_u64(seed + k);
-        let optics = any_optics(&mut rng);
-        let scene = four_tags(&mut rng, &optics);
+        let optics = any_optics(&mut rng, [640, 480]);
+        let scene = tags_at(&mut rng, &optics, &[[0.28, 0.5], [0.72, 0.5]]);
         let image = Renderer::new(optics).picture(&scene, &mut rng)?;
         let name = format!("{k:04}.png");
         write_png(&folder.join(&name), &image)?;
@@ -131,7 +144,8 @@ fn pictures(folder: &Path, count: u64, seed: u64) -> Outcome {
             let tag = sheet.tags[0].0;
             let corners = true_corners(&lens(&optics)?, &tag, &sheet.pose_camera_sheet).ok_or("behind the camera")?;
             let (corners, pose) = (corner_cells(&corners), pose_cells(&sheet.pose_camera_sheet));
-            truth += &format!("{name},{}{corners},{:.3},{:.3}{pose}\n", tag.id, optics.blur_px, optics.noise);
+            let centre = optics.centre_px;
+            truth += &format!("{name},{}{corners},{},{}{pose}\n", tag.id, centre[0], centre[1]);
         }
         for found in detect(&image) {
             // As for the others, without knowledge of the lens.
@@ -139,7 +153,7 @@ fn pictures(folder: &Path, count: u64, seed: u64) -> Outcome {
                 Ok(corners) => ours += &format!("{name},{}{}\n", found.id, corner_cells(&corners.pixels)),
                 Err(error) => ours += &format!("{name},{}{} # {error}\n", found.id, corner_cells(&found.corners)),
             }
-            let (lens, tag) = (lens(&optics)?, Tag { id: found.id, side_m: 0.05 });
+            let (lens, tag) = (lens(&optics)?, Tag { id: found.id, side_m: SIDE_M });
             let corners = refine(&image, &found.corners, Some(&lens)).ok();
             if let Some(pose) = corners.and_then(|corners| tag_pose(&lens, &tag, &corners)) {
                 poses += &format!("{name},{}{}\n", found.id, pose_cells(&pose.best.pose.pose));
@@ -166,8 +180,8 @@ fn empty(count: u64, seed: u64) -> Outcome {
     let mut tags = 0;
     for k in 0..count {
         let mut rng = ChaCha8Rng::seed_from_u64(seed + k);
-        let optics = any_optics(&mut rng);
-        let scene = Scene { sheets: Vec::new(), patches: patches(&mut rng, 2000) };
+        let optics = any_optics(&mut rng, [640, 480]);
+        let scene = Scene { sheets: Vec::new(), patches: patches(&mut rng, 1000) };
         tags += detect(&Renderer::new(optics).picture(&scene, &mut rng)?).len();
     }
     println!("{tags} false tags in {count} pictures");
@@ -180,9 +194,9 @@ fn poses(count: u64, seed: u64) -> Outcome {
     while all < count {
         let mut rng = ChaCha8Rng::seed_from_u64(seed + k);
         k += 1;
-        let optics = any_optics(&mut rng);
+        let optics = any_optics(&mut rng, [260, 260]);
         let lens = lens(&optics)?;
-        let scene = four_tags(&mut rng, &optics);
+        let scene = tags_at(&mut rng, &optics, &[[0.5, 0.5]]);
         let image = Renderer::new(optics).picture(&scene, &mut rng)?;
         let detections = detect(&image);
         for sheet in &scene.sheets {
@@ -239,7 +253,10 @@ fn lenses(sets: u64, draws: u64, seed: u64) -> Outcome {
     for set in 0..sets {
         let mut rng = ChaCha8Rng::seed_from_u64(seed + set);
         let optics = Optics {
-            focal_px: [rng.random_range(800.0..1100.0); 2],
+            width: 640,
+            height: 360,
+            focal_px: [rng.random_range(400.0..550.0); 2],
+            centre_px: [rng.random_range(310.0..330.0), rng.random_range(170.0..190.0)],
             radial: [rng.random_range(-0.25..0.1), rng.random_range(-0.03..0.06)],
             blur_px: rng.random_range(0.5..1.0),
             noise: 0.0,
@@ -331,7 +348,7 @@ fn speed(count: u64) -> Outcome {
     let quality = Quality { blur_px: 0.8, reprojection_px: 0.05, noise_scale: 1.0 };
     let camera = Camera::new([optics.width, optics.height], lens(&optics)?, SMatrix::identity() * 1e-6, quality)?;
     let mut rng = ChaCha8Rng::seed_from_u64(1);
-    let scenes: Vec<Scene> = (0..8).map(|_| four_tags(&mut rng, &optics)).collect();
+    let scenes: Vec<Scene> = (0..8).map(|_| tags_at(&mut rng, &optics, &QUARTERS)).collect();
     let renderer = Renderer::new(optics);
     let images = scenes.iter().map(|scene| renderer.picture(scene, &mut rng)).collect::<Result<Vec<_>, _>>()?;
     let (mut detecting, mut all, mut measured) = (0.0, 0.0, 0);

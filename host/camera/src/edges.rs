@@ -32,8 +32,9 @@ use crate::least_squares::{NormalEquations, Problem, minimise};
 use crate::lens::{Lens, PARAMETERS};
 use crate::target::CORNERS;
 
-/// Unknowns of an edge.
+/// Unknowns of an edge, and the place of its width among them.
 const UNKNOWNS: usize = 7;
+const WIDTH: usize = 2;
 
 /// Width of the blur at the start, and the least: that of a pixel's own area, 1/√12 px.
 const START_WIDTH: f64 = 0.8;
@@ -160,12 +161,19 @@ impl Problem for EdgeFit<'_> {
             gradient += derivative * residual;
             information.ger(1.0, &derivative, &derivative, 1.0);
         }
+        // At its bound the width is no unknown: the picture is sharper than the model can be.
+        if self.unknowns[WIDTH] <= MIN_WIDTH && gradient[WIDTH] > 0.0 {
+            gradient[WIDTH] = 0.0;
+            information.row_mut(WIDTH).fill(0.0);
+            information.column_mut(WIDTH).fill(0.0);
+            information[(WIDTH, WIDTH)] = 1.0;
+        }
         Some(NormalEquations { cost, gradient, information })
     }
 
     fn moved(&self, step: &SVector<f64, UNKNOWNS>) -> Option<Self> {
         let mut unknowns = self.unknowns + step;
-        unknowns[2] = unknowns[2].max(MIN_WIDTH);
+        unknowns[WIDTH] = unknowns[WIDTH].max(MIN_WIDTH);
         Some(Self { samples: self.samples, unknowns })
     }
 }

@@ -20,6 +20,10 @@ use crate::target::{Tag, Target};
 /// pixel of its length, and it averages out.
 const RAYS: usize = 8;
 
+/// Steps of the fixed point from a pixel to its ray, and the change of a direction that ends it.
+const MAX_STEPS: usize = 60;
+const CONVERGED: f64 = 1e-12;
+
 /// Grey levels of ink, paper and background: a print in the middle of the range.
 const INK: f32 = 22.0;
 const PAPER: f32 = 205.0;
@@ -42,7 +46,7 @@ pub struct Optics {
     pub tangential: [f64; 2],
     /// Standard deviation of the blur in addition to the pixel's area, px.
     pub blur_px: f64,
-    /// Light lost at the corner of the picture, as a part of that in the middle.
+    /// Light lost at 45° from the principal point, as a part of that in the middle; elsewhere with the square of the tangent.
     pub vignetting: f64,
     /// Standard deviation of a pixel, grey levels.
     pub noise: f64,
@@ -59,7 +63,7 @@ impl Optics {
             radial: [-0.12, 0.03],
             tangential: [6e-4, -4e-4],
             blur_px: 0.7,
-            vignetting: 0.25,
+            vignetting: 0.4,
             noise: 2.0,
         }
     }
@@ -189,16 +193,16 @@ impl Renderer {
 
     /// The light on each pixel, without noise, when each of the scenes is seen for the same part of the exposure; grey levels.
     pub fn light(&self, scenes: &[Scene]) -> Vec<f32> {
-        let Optics { width, height, blur_px, vignetting, centre_px, .. } = self.optics;
+        let Optics { width, height, blur_px, vignetting, centre_px, focal_px, .. } = self.optics;
         let mut light = vec![0.0f32; width * height];
         for scene in scenes {
             self.add_light(scene, 1.0 / scenes.len() as f32, &mut light);
         }
         blur(&mut light, width, blur_px);
-        let corner2 = (width * width + height * height) as f64 / 4.0;
         for (k, light) in light.iter_mut().enumerate() {
-            let (x, y) = ((k % width) as f64 - centre_px[0], (k / width) as f64 - centre_px[1]);
-            *light *= (1.0 - vignetting * (x * x + y * y) / corner2) as f32;
+            let x = ((k % width) as f64 - centre_px[0]) / focal_px[0];
+            let y = ((k / width) as f64 - centre_px[1]) / focal_px[1];
+            *light *= (1.0 - vignetting * (x * x + y * y)).max(0.0) as f32;
         }
         light
     }
@@ -221,9 +225,10 @@ impl Renderer {
     /// Adds the light of a scene, times `share`.
     fn add_light(&self, scene: &Scene, share: f32, light: &mut [f32]) {
         let planes: Vec<Plane> = scene.sheets.iter().filter_map(Plane::new).collect();
+        let patches: Vec<TurnedPatch> = scene.patches.iter().map(TurnedPatch::new).collect();
         let grey = |direction| {
             let nearest = planes.iter().filter_map(|plane| plane.hit(direction)).min_by(|a, b| a.0.total_cmp(&b.0));
-            nearest.map_or_else(|| background(&scene.patches, direction), |(_, grey)| grey)
+            nearest.map_or_else(|| background(&patches, direction), |(_, grey)| grey)
         };
         let columns = self.optics.width + 1;
         let at_corners: Vec<f32> = self.corners.iter().map(|corner| grey(*corner)).collect();
@@ -251,13 +256,30 @@ fn mean([a, b, c, d]: [[f64; 2]; 4], grey: impl Fn([f64; 2]) -> f32) -> f32 {
     sum / (RAYS * RAYS) as f32
 }
 
-fn background(patches: &[Patch], direction: [f64; 2]) -> f32 {
-    let inside = |patch: &&Patch| {
-        let (sin, cos) = patch.angle_rad.sin_cos();
+/// A patch with the sine and cosine of its angle, and its reach, squared.
+struct TurnedPatch<'a> {
+    patch: &'a Patch,
+    sin_cos: (f64, f64),
+    reach2: f64,
+}
+
+impl<'a> TurnedPatch<'a> {
+    fn new(patch: &'a Patch) -> Self {
+        let [width, height] = patch.half;
+        Self { patch, sin_cos: patch.angle_rad.sin_cos(), reach2: width * width + height * height }
+    }
+
+    fn covers(&self, direction: [f64; 2]) -> bool {
+        let Self { patch, sin_cos: (sin, cos), reach2 } = self;
         let (x, y) = (direction[0] - patch.middle[0], direction[1] - patch.middle[1]);
-        (x * cos + y * sin).abs() <= patch.half[0] && (y * cos - x * sin).abs() <= patch.half[1]
-    };
-    patches.iter().rev().find(inside).map_or(BACKGROUND, |patch| patch.grey)
+        x * x + y * y <= *reach2
+            && (x * cos + y * sin).abs() <= patch.half[0]
+            && (y * cos - x * sin).abs() <= patch.half[1]
+    }
+}
+
+fn background(patches: &[TurnedPatch], direction: [f64; 2]) -> f32 {
+    patches.iter().rev().find(|patch| patch.covers(direction)).map_or(BACKGROUND, |found| found.patch.grey)
 }
 
 /// The direction (x, y, 1) that is seen at a point of the picture: a fixed point, which converges for the lenses in use.
@@ -266,33 +288,49 @@ fn ray(optics: &Optics, at: [f64; 2]) -> [f64; 2] {
     let [p1, p2] = optics.tangential;
     let seen = [0, 1].map(|axis| (at[axis] - optics.centre_px[axis]) / optics.focal_px[axis]);
     let [mut x, mut y] = seen;
-    for _ in 0..60 {
+    for _ in 0..MAX_STEPS {
         let r2 = x * x + y * y;
         let radial = 1.0 + k1 * r2 + k2 * r2 * r2;
         let shift = [2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x), p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y];
-        [x, y] = [(seen[0] - shift[0]) / radial, (seen[1] - shift[1]) / radial];
+        let next = [(seen[0] - shift[0]) / radial, (seen[1] - shift[1]) / radial];
+        let change = (next[0] - x).abs().max((next[1] - y).abs());
+        [x, y] = next;
+        if change < CONVERGED {
+            break;
+        }
     }
     [x, y]
 }
 
 /// A Gaussian along rows and columns, cut at four standard deviations; each of its weights is the integral over a pixel.
 fn blur(light: &mut [f32], width: usize, deviation_px: f64) {
-    if deviation_px <= 0.0 {
+    // A blur wider than the picture leaves nothing to see.
+    if !(deviation_px > 0.0 && deviation_px < width as f64) {
         return;
     }
     let reach = (4.0 * deviation_px).ceil() as i64;
     let weight = |k: i64| (-0.5 * (k as f64 / deviation_px).powi(2)).exp();
     let sum: f64 = (-reach..=reach).map(weight).sum();
     let weights: Vec<f32> = (-reach..=reach).map(|k| (weight(k) / sum) as f32).collect();
-    let along = |light: &[f32], from: &dyn Fn(usize, i64) -> usize| -> Vec<f32> {
-        let one = |k: usize| weights.iter().zip(-reach..).map(|(weight, by)| weight * light[from(k, by)]).sum();
-        (0..light.len()).map(one).collect()
-    };
-    let height = light.len() / width;
-    let clamped = |at: usize, by: i64, length: usize| (at as i64 + by).clamp(0, length as i64 - 1) as usize;
-    let rows = along(light, &|k, by| k / width * width + clamped(k % width, by, width));
-    let both = along(&rows, &|k, by| clamped(k / width, by, height) * width + k % width);
-    light.copy_from_slice(&both);
+    // Along rows, with the outer pixels repeated.
+    let reach = reach as usize;
+    for row in light.chunks_exact_mut(width) {
+        let (first, last) = (row[0], row[width - 1]);
+        let padded = [vec![first; reach], row.to_vec(), vec![last; reach]].concat();
+        for (pixel, window) in row.iter_mut().zip(padded.windows(weights.len())) {
+            *pixel = window.iter().zip(&weights).map(|(light, weight)| light * weight).sum();
+        }
+    }
+    // Along columns, a row at a time.
+    let (rows, height) = (light.to_vec(), light.len() / width);
+    light.fill(0.0);
+    for (y, row) in light.chunks_exact_mut(width).enumerate() {
+        for (k, weight) in weights.iter().enumerate() {
+            let from = (y + k).saturating_sub(reach).min(height - 1);
+            let source = &rows[from * width..][..width];
+            row.iter_mut().zip(source).for_each(|(pixel, light)| *pixel += weight * light);
+        }
+    }
 }
 
 #[cfg(test)]

@@ -156,15 +156,15 @@ fn a_picture_of_another_size_is_refused() {
     assert!(error.to_string().contains("320x180") && error.to_string().contains("640x360"));
 }
 
-/// Views of the board that cover the picture; `tilt` is by how much they are turned.
-fn views(count: usize, tilt: f64, spread: f64) -> Vec<GreyImage> {
+/// Views of the board, tilted by an angle, rad, up to a distance to the sides, m, at a depth, m.
+fn views(count: usize, tilt: f64, spread: f64, depth: f64) -> Vec<GreyImage> {
     let target = Target::new(Size::A4);
     let renderer = Renderer::new(optics());
     let mut rng = ChaCha8Rng::seed_from_u64(8);
     let mut view = |k: usize| {
         let place = [spread * (k % 3) as f64 - spread, 0.6 * spread * (k / 3 % 3) as f64 - 0.6 * spread];
         let about = rng.random_range(-PI..PI);
-        let (depth, turn) = (rng.random_range(0.30..0.40), rng.random_range(-0.4..0.4));
+        let (depth, turn) = (depth * rng.random_range(0.95..1.05), rng.random_range(-0.4..0.4));
         let pose = posed([tilt * about.cos(), tilt * about.sin(), turn], [place[0], place[1], depth]);
         let scene = Scene { sheets: vec![Sheet::board(&target, pose)], patches: Vec::new() };
         renderer.picture(&scene, &mut rng).unwrap()
@@ -182,7 +182,7 @@ fn collected(images: Vec<GreyImage>) -> Collector {
 
 #[test]
 fn the_lens_of_a_camera_is_found_from_views_of_the_board() {
-    let report = collected(views(18, 0.6, 0.09)).finish().unwrap();
+    let report = collected(views(18, 0.6, 0.09, 0.35)).finish().unwrap();
     let error = report.calibration.lens.parameters() - lens(&optics()).parameters();
     let deviations = report.calibration.deviations();
     for (k, (error, deviation)) in error.iter().zip(deviations.iter()).enumerate() {
@@ -194,13 +194,13 @@ fn the_lens_of_a_camera_is_found_from_views_of_the_board() {
 
 #[test]
 fn what_cannot_be_calibrated_is_refused_with_what_is_missing() {
-    let few = collected(views(4, 0.6, 0.09)).finish().unwrap_err();
+    let few = collected(views(4, 0.6, 0.09, 0.35)).finish().unwrap_err();
     assert!(
         matches!(&few, Refusal::FewViews { found: 4, missing } if missing.contains(&Missing::Views { count: MIN_VIEWS - 4 }))
     );
-    let flat = collected(views(18, 0.02, 0.09)).finish().unwrap_err();
+    let flat = collected(views(18, 0.02, 0.09, 0.35)).finish().unwrap_err();
     assert!(matches!(flat, Refusal::OneTilt { .. }), "{flat}");
-    let middle = collected(views(18, 0.6, 0.02)).finish().unwrap_err();
+    let middle = collected(views(18, 0.6, 0.01, 0.48)).finish().unwrap_err();
     assert!(
         matches!(&middle, Refusal::Uncovered { missing } if missing.contains(&Missing::Zone { column: 0, row: 0 })),
         "{middle}"
