@@ -149,12 +149,12 @@ fn pictures(folder: &Path, count: u64, seed: u64) -> Outcome {
         }
         for found in detect(&image) {
             // As for the others, without knowledge of the lens.
-            match refine(&image, &found.corners, None) {
+            match refine(&image, found.id, &found.corners, None) {
                 Ok(corners) => ours += &format!("{name},{}{}\n", found.id, corner_cells(&corners.pixels)),
                 Err(error) => ours += &format!("{name},{}{} # {error}\n", found.id, corner_cells(&found.corners)),
             }
             let (lens, tag) = (lens(&optics)?, Tag { id: found.id, side_m: SIDE_M });
-            let corners = refine(&image, &found.corners, Some(&lens)).ok();
+            let corners = refine(&image, found.id, &found.corners, Some(&lens)).ok();
             if let Some(pose) = corners.and_then(|corners| tag_pose(&lens, &tag, &corners)) {
                 poses += &format!("{name},{}{}\n", found.id, pose_cells(&pose.best.pose.pose));
             }
@@ -168,7 +168,7 @@ fn pictures(folder: &Path, count: u64, seed: u64) -> Outcome {
 fn found(path: &Path) -> Outcome {
     let image = read(path)?;
     for found in detect(&image) {
-        let refined = refine(&image, &found.corners, None);
+        let refined = refine(&image, found.id, &found.corners, None);
         let corners = refined.as_ref().map_or(found.corners, |refined| refined.pixels);
         let state = refined.err().map_or_else(|| "refined".into(), |error| error.to_string());
         println!("{},{}{},{state}", path.display(), found.id, corner_cells(&corners));
@@ -205,8 +205,9 @@ fn poses(count: u64, seed: u64) -> Outcome {
                 missed += 1;
                 continue;
             };
-            let Some(pose) =
-                refine(&image, &found.corners, Some(&lens)).ok().and_then(|corners| tag_pose(&lens, &tag, &corners))
+            let Some(pose) = refine(&image, found.id, &found.corners, Some(&lens))
+                .ok()
+                .and_then(|corners| tag_pose(&lens, &tag, &corners))
             else {
                 rejected += 1;
                 continue;
@@ -361,7 +362,7 @@ fn speed(count: u64) -> Outcome {
         detecting += start.elapsed().as_secs_f64();
         for tag in &tags {
             let Some(found) = detections.iter().find(|found| found.id == tag.id) else { continue };
-            let corners = refine(image, &found.corners, Some(camera.lens()));
+            let corners = refine(image, found.id, &found.corners, Some(camera.lens()));
             measured += usize::from(corners.ok().and_then(|corners| tag_pose(camera.lens(), tag, &corners)).is_some());
         }
         all += start.elapsed().as_secs_f64();

@@ -7,14 +7,17 @@
 //! corner) has the grey level
 //!
 //! ```text
-//! I(t, h) = d₀ + d₁ t + (c₀ + c₁ t) Φ((h − a − b t) / w)
+//! I(t, h) = d₀ + d₁ t + (c₀ + c₁ t) (1 − g Φ(−(h − a − b t) / w) + e)
 //! ```
 //!
 //! with the normal distribution function Φ. Unknown are the line (a, b), the width w of the blur, the dark border (d₀, d₁) and
 //! the contrast to the white margin (c₀, c₁); the slopes follow uneven light. Least squares over some hundred pixels an edge
 //! give a and b with their covariance, which goes with the variance of the pixels, estimated from what the fit leaves.
 //!
-//! Pixels near a corner are left out, where the next edge blurs into this one, and so are those of the data cells.
+//! What the edge shares its pixels with is known from the corners of the pass before: g is how much of the black square the two
+//! neighbouring edges leave, e the light of the white data cells, which blur into the border. Without them the corners of a tag
+//! with cells of 4 px and a blur of 1 px move by several times their noise.
+//!
 //! With a lens, the fit is in the picture that a lens without distortion would give, where edges are straight: an edge of 60 px
 //! in a picture with k₁ = −0.3 bends by about 0.1 px, several times the noise of a corner.
 //!
@@ -23,11 +26,12 @@
 
 use std::f64::consts::{PI, SQRT_2};
 
-use darm_core::real::Vec2;
+use darm_core::real::{Mat3, Vec2};
 use nalgebra::{Matrix2, SMatrix, SVector, U7};
 
-use crate::family::CELLS;
+use crate::family::{CELLS, cells};
 use crate::grey::GreyImage;
+use crate::homography::of_unit_square;
 use crate::least_squares::{NormalEquations, Problem, minimise};
 use crate::lens::{Lens, PARAMETERS};
 use crate::target::CORNERS;
@@ -40,12 +44,20 @@ const WIDTH: usize = 2;
 const START_WIDTH: f64 = 0.8;
 const MIN_WIDTH: f64 = 0.25;
 
-/// Widths of the blur within which one edge is seen in the grey levels of another.
+/// Pixels closer to a neighbouring edge than this number of widths of the blur are left out: where two edges meet at an angle
+/// other than 90°, g is not exact.
 const REACH: f64 = 2.5;
+
+/// Widths of the blur beyond which nothing of an edge is seen.
+const SIGHT: f64 = 4.0;
 
 /// Pixels farther from an edge than this number of widths, and at least this number of px, say nothing about its place.
 const BAND_WIDTHS: f64 = 3.0;
 const MIN_BAND: f64 = 1.5;
+
+/// Passes over all edges at most, each with what the one before has found, and the change of a corner that needs no other, px.
+const MAX_PASSES: usize = 4;
+const UNMOVED: f64 = 0.01;
 
 /// Pixels that an edge must have for its seven unknowns to be determined with some certainty.
 const MIN_PIXELS: usize = 24;
@@ -92,6 +104,9 @@ pub enum EdgeError {
     /// Something covers a part of an edge.
     #[error("a part of the tag's edge is hidden")]
     Hidden,
+    /// The family has no such tag.
+    #[error("there is no tag of this number")]
+    NoTag,
 }
 
 /// A pixel near an edge.
@@ -102,6 +117,10 @@ struct Sample {
     /// Outwards from it, px.
     h: f64,
     grey: f64,
+    /// Part of the black square that the neighbouring edges leave, g.
+    left: f64,
+    /// Light of the data cells, e.
+    data: f64,
 }
 
 /// An edge between two corners, on which samples are measured.
@@ -139,11 +158,11 @@ impl EdgeFit<'_> {
     /// What the model has at a sample less its grey level, and the derivative.
     fn residual(&self, sample: &Sample) -> (f64, SVector<f64, UNKNOWNS>) {
         let [a, b, w, d0, d1, c0, c1] = self.unknowns.into();
-        let Sample { t, h, grey } = *sample;
+        let Sample { t, h, grey, left, data } = *sample;
         let z = (h - a - b * t) / w;
-        let light = (1.0 + libm::erf(z / SQRT_2)) / 2.0;
+        let light = 1.0 - left * normal(-z) + data;
         let contrast = c0 + c1 * t;
-        let slope = -contrast * (-z * z / 2.0).exp() / (w * (2.0 * PI).sqrt());
+        let slope = -contrast * left * (-z * z / 2.0).exp() / (w * (2.0 * PI).sqrt());
         let derivative = SVector::from([slope, slope * t, slope * z, 1.0, t, light, light * t]);
         (d0 + d1 * t + contrast * light - grey, derivative)
     }
@@ -175,6 +194,58 @@ impl Problem for EdgeFit<'_> {
         let mut unknowns = self.unknowns + step;
         unknowns[WIDTH] = unknowns[WIDTH].max(MIN_WIDTH);
         Some(Self { samples: self.samples, unknowns })
+    }
+}
+
+/// The normal distribution function Φ.
+fn normal(z: f64) -> f64 {
+    libm::erfc(-z / SQRT_2) / 2.0
+}
+
+/// The cells of a tag in the picture.
+struct Pattern {
+    cells: [[bool; CELLS]; CELLS],
+    /// From the picture to cells: x along the rows from the upper left corner of the border, y down.
+    to_cells: Mat3<f64>,
+    /// Width of the blur, px.
+    width: f64,
+}
+
+impl Pattern {
+    fn new(cells: &[[bool; CELLS]; CELLS], corners: &[Vec2<f64>; CORNERS], width: f64) -> Option<Self> {
+        let clockwise = [corners[3], corners[2], corners[1], corners[0]];
+        let side = CELLS as f64;
+        let to_cells = Mat3::from_diagonal(&[side, side, 1.0].into()) * of_unit_square(&clockwise).try_inverse()?;
+        Some(Self { cells: *cells, to_cells, width })
+    }
+
+    /// The light of the white cells at a point of the picture, 0 to 1.
+    fn light(&self, point: &Vec2<f64>) -> f64 {
+        let homogeneous = self.to_cells * point.push(1.0);
+        let at = homogeneous.xy() / homogeneous.z;
+        let row = |k: usize| self.to_cells.fixed_view::<1, 2>(k, 0).transpose();
+        let width = |axis: usize| self.width * ((row(axis) - row(2) * at[axis]) / homogeneous.z).norm();
+        let (x_width, y_width) = (width(0), width(1));
+        // The data are within the border: cells 1 to 7.
+        let inside = |at: f64, width: f64| (1.0 - SIGHT * width..7.0 + SIGHT * width).contains(&at);
+        if !inside(at.x, x_width) || !inside(at.y, y_width) {
+            return 0.0;
+        }
+        let part = |from: usize, at: f64, width: f64| {
+            let until = (from as f64 + 1.0 - at) / width;
+            let since = (from as f64 - at) / width;
+            if until < -SIGHT || since > SIGHT { 0.0 } else { normal(until) - normal(since) }
+        };
+        let columns: [f64; CELLS] = std::array::from_fn(|column| part(column, at.x, x_width));
+        let mut light = 0.0;
+        for (row, cells) in self.cells.iter().enumerate() {
+            let of_row = part(row, at.y, y_width);
+            if of_row > 0.0 {
+                let white = cells.iter().zip(columns).filter(|(white, _)| **white).map(|(_, part)| part);
+                light += of_row * white.sum::<f64>();
+            }
+        }
+        light
     }
 }
 
@@ -217,24 +288,36 @@ impl Straightener<'_> {
 /// # Errors
 ///
 /// An edge cannot be fitted.
-pub fn refine(image: &GreyImage, detected: &[Vec2<f64>; 4], lens: Option<&Lens>) -> Result<Corners, EdgeError> {
+pub fn refine(
+    image: &GreyImage,
+    id: u16,
+    detected: &[Vec2<f64>; CORNERS],
+    lens: Option<&Lens>,
+) -> Result<Corners, EdgeError> {
+    let cells = cells(id).ok_or(EdgeError::NoTag)?;
     let straightener = Straightener { lens };
     let mut corners = *detected;
     for corner in &mut corners {
         *corner = straightener.straight(corner).ok_or(EdgeError::Outside)?;
     }
-    // The first fit says how wide the blur is, and the second leaves out what that reaches.
     let mut width = START_WIDTH;
     let mut edges = Vec::new();
-    for _ in 0..2 {
+    for _ in 0..MAX_PASSES {
+        let pattern = Pattern::new(&cells, &corners, width).ok_or(EdgeError::NoEdge)?;
         edges.clear();
         for k in 0..CORNERS {
-            edges.push(fit(image, &straightener, &corners, k, width)?);
-        }
-        for (k, corner) in corners.iter_mut().enumerate() {
-            *corner = crossing(&edges[(k + CORNERS - 1) % CORNERS], &edges[k]).ok_or(EdgeError::NoEdge)?.0;
+            edges.push(fit(image, &straightener, &corners, k, &pattern)?);
         }
         width = edges.iter().map(|edge| edge.width).fold(MIN_WIDTH, f64::max);
+        let mut moved: f64 = 0.0;
+        for (k, corner) in corners.iter_mut().enumerate() {
+            let (found, ..) = crossing(&edges[(k + CORNERS - 1) % CORNERS], &edges[k]).ok_or(EdgeError::NoEdge)?;
+            moved = moved.max((found - *corner).norm());
+            *corner = found;
+        }
+        if moved < UNMOVED {
+            break;
+        }
     }
     let variance = edges.iter().map(|edge| edge.left).sum::<f64>() / edges.iter().map(|edge| edge.freedom).sum::<f64>();
     let mut pixels = [Vec2::zeros(); CORNERS];
@@ -258,8 +341,9 @@ fn fit(
     straightener: &Straightener,
     corners: &[Vec2<f64>; CORNERS],
     k: usize,
-    width: f64,
+    pattern: &Pattern,
 ) -> Result<Edge, EdgeError> {
+    let width = pattern.width;
     let [before, from, to, after] = [k + CORNERS - 1, k, k + 1, k + 2].map(|k| corners[k % CORNERS]);
     let baseline = Baseline::new(&from, &to).ok_or(EdgeError::NoEdge)?;
     let length = 2.0 * baseline.half_length;
@@ -267,11 +351,19 @@ fn fit(
     let sine = |along: Vec2<f64>| along.normalize().dot(&baseline.outward).abs().max(0.2);
     let reach = REACH * width + 0.5;
     let [start, end] = [reach / sine(before - from), reach / sine(after - to)].map(|px| px / baseline.half_length);
-    // The border and the margin are one cell wide; the data cells blur into it.
+    // The border and the margin are one cell wide.
     let depth = |along: Vec2<f64>| along.dot(&baseline.outward).abs();
     let cell = depth(before - from).min(depth(after - to)).min(length) / CELLS as f64;
-    let band = (BAND_WIDTHS * width + 1.0).min(cell - (REACH - 1.0) * width).max(MIN_BAND);
-    let samples = samples(image, straightener, &baseline, [-1.0 + start, 1.0 - end], band)?;
+    let band = (BAND_WIDTHS * width + 1.0).min(cell).max(MIN_BAND);
+    let neighbours = [Baseline::new(&before, &from), Baseline::new(&to, &after)];
+    let [Some(first), Some(second)] = neighbours else { return Err(EdgeError::NoEdge) };
+    let mut samples = samples(image, straightener, &baseline, [-1.0 + start, 1.0 - end], band)?;
+    for (sample, point) in &mut samples {
+        let outside = |edge: &Baseline| edge.coordinates(point).1;
+        sample.left = normal(-outside(&first) / width) * normal(-outside(&second) / width);
+        sample.data = pattern.light(point);
+    }
+    let samples: Vec<Sample> = samples.into_iter().map(|(sample, _)| sample).collect();
     if samples.len() < MIN_PIXELS {
         return Err(EdgeError::Small { pixels: samples.len() });
     }
@@ -289,14 +381,14 @@ fn fit(
     Ok(Edge { baseline, offset: Vec2::new(a, b), covariance, width: w, left, freedom })
 }
 
-/// The pixels within `band` of a baseline, between two places along it.
+/// The pixels within `band` of a baseline, between two places along it, with where they are.
 fn samples(
     image: &GreyImage,
     straightener: &Straightener,
     baseline: &Baseline,
     along: [f64; 2],
     band: f64,
-) -> Result<Vec<Sample>, EdgeError> {
+) -> Result<Vec<(Sample, Vec2<f64>)>, EdgeError> {
     let at = |t: f64| baseline.middle + baseline.along * (t * baseline.half_length);
     let (ends, middle) = (along.map(|t| straightener.pixel(&at(t)).0), straightener.pixel(&baseline.middle).0);
     // The edge is bent in the picture by at most as much as its middle, and a little for the change of scale.
@@ -320,7 +412,7 @@ fn samples(
             let (t, h) = baseline.coordinates(&straight);
             if h.abs() <= band && (along[0]..=along[1]).contains(&t) {
                 let grey = f64::from(image.get(column, row).unwrap_or_default());
-                samples.push(Sample { t, h, grey });
+                samples.push((Sample { t, h, grey, left: 1.0, data: 0.0 }, straight));
             }
         }
     }

@@ -36,6 +36,18 @@ pub fn homography(pairs: &[(Vec2<f64>, Vec2<f64>)]) -> Option<Mat3<f64>> {
     scaled.iter().all(|number| number.is_finite()).then_some(scaled)
 }
 
+/// The homography from the unit square to four points: (0, 0), (1, 0), (1, 1), (0, 1) to the first to the fourth. Entries that
+/// are not finite where three of them are on a line.
+///
+/// Source: P. Heckbert, "Fundamentals of texture mapping and image warping", Berkeley 1989, 2.2.3.
+pub fn of_unit_square([p0, p1, p2, p3]: &[Vec2<f64>; 4]) -> Mat3<f64> {
+    let (right, down, sum) = (p1 - p2, p3 - p2, p0 - p1 + p2 - p3);
+    let determinant = right.perp(&down);
+    let (g, h) = (sum.perp(&down) / determinant, right.perp(&sum) / determinant);
+    let (by_x, by_y) = (p1 - p0 + p1 * g, p3 - p0 + p3 * h);
+    Mat3::from_columns(&[by_x.push(g), by_y.push(h), p0.push(1.0)])
+}
+
 /// Where a homography shows a point of the plane.
 pub fn seen_at(homography: &Mat3<f64>, on_plane: &Vec2<f64>) -> Vec2<f64> {
     let seen = homography * on_plane.push(1.0);
@@ -55,7 +67,7 @@ fn normalisation(points: impl Iterator<Item = Vec2<f64>> + Clone) -> Option<Mat3
 mod tests {
     use darm_core::real::{Mat3, Vec2};
 
-    use super::{homography, seen_at};
+    use super::{homography, of_unit_square, seen_at};
 
     const SQUARE: [[f64; 2]; 5] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.3, 0.8]];
 
@@ -66,6 +78,15 @@ mod tests {
         for pairs in [&pairs[..4], &pairs] {
             let found = homography(pairs).unwrap();
             assert!((found - truth).abs().max() < 1e-6, "{found}");
+        }
+    }
+
+    #[test]
+    fn the_unit_square_is_shown_at_its_corners() {
+        let corners = [[3.0, 4.0], [50.0, 9.0], [44.0, 60.0], [-2.0, 41.0]].map(|[x, y]| Vec2::new(x, y));
+        let shown = of_unit_square(&corners);
+        for ([x, y], corner) in [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].into_iter().zip(corners) {
+            assert!((seen_at(&shown, &Vec2::new(x, y)) - corner).norm() < 1e-9);
         }
     }
 

@@ -1,7 +1,7 @@
 //! Pictures of printed tags through a lens, for tests and the simulator.
 //!
 //! Shares the codes of the tags and the names of the lens's numbers with the estimator, and no code: rays are traced from each
-//! pixel to the sheets. A pixel is the mean over its area (8 x 8 rays where a border runs through it); then come, in this
+//! pixel to the sheets. A pixel is the mean over its area (144 rays where a border runs through it); then come, in this
 //! order, motion, blur, vignetting, noise, and rounding to 8 bits.
 //!
 //! Frames as everywhere: the camera looks along z, x to the right, y down; a sheet has x to the right, y up, z out of it.
@@ -16,9 +16,10 @@ use crate::family::{CELLS, cells};
 use crate::grey::{GreyImage, GreyImageError};
 use crate::target::{Tag, Target};
 
-/// Rays along each side of a pixel that a border runs through. The error of a border's place is about 1/8²/√12 of a pixel per
-/// pixel of its length, and it averages out.
-const RAYS: usize = 8;
+/// Rays of a pixel that a border runs through, on the lattice of two Fibonacci numbers: no two are in one row or column, so that
+/// a border along rows or columns also has 144 grey levels. A square grid of as many rays would move it by up to 1/24 px.
+const RAYS: usize = 144;
+const STRIDE: usize = 89;
 
 /// Steps of the fixed point from a pixel to its ray, and the change of a direction that ends it.
 const MAX_STEPS: usize = 60;
@@ -245,15 +246,16 @@ impl Renderer {
 /// The mean of a function over a pixel between the directions of its four corners.
 fn mean([a, b, c, d]: [[f64; 2]; 4], grey: impl Fn([f64; 2]) -> f32) -> f32 {
     let mut sum = 0.0;
-    for k in 0..RAYS * RAYS {
-        let [right, down] = [k % RAYS, k / RAYS].map(|k| (k as f64 + 0.5) / RAYS as f64);
+    for k in 0..RAYS {
+        let right = (k as f64 + 0.5) / RAYS as f64;
+        let down = ((k * STRIDE) as f64 + 0.5) / RAYS as f64 % 1.0;
         let between = |axis: usize| {
             (a[axis] * (1.0 - right) + b[axis] * right) * (1.0 - down)
                 + (c[axis] * (1.0 - right) + d[axis] * right) * down
         };
         sum += grey([between(0), between(1)]);
     }
-    sum / (RAYS * RAYS) as f32
+    sum / RAYS as f32
 }
 
 /// A patch with the sine and cosine of its angle, and its reach, squared.

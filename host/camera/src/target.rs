@@ -72,8 +72,8 @@ impl Target {
     /// The target of a size, printed to scale.
     pub fn new(size: Size) -> Self {
         let (n, tag_side_m, gap_m, base_m, tool_m) = match size {
-            Size::A4 => (5, 0.027, 0.009, 0.064, 0.040),
-            Size::A3 => (6, 0.035, 0.011, 0.096, 0.060),
+            Size::A4 => (5, 0.027, 0.009, 0.050, 0.040),
+            Size::A3 => (6, 0.035, 0.011, 0.070, 0.056),
         };
         let base = Tag { id: BASE_ID, side_m: base_m };
         Self { columns: n, rows: n, tag_side_m, gap_m, base, tool: Tag { id: TOOL_ID, side_m: tool_m } }
@@ -161,7 +161,7 @@ mod tests {
     #[test]
     fn a_print_at_another_scale_is_described_by_its_ruler() {
         let target = Target::new(Size::A3).with_ruler(97.0).unwrap();
-        assert!((target.base().side_m - 0.96 * 0.097).abs() < 1e-12);
+        assert!((target.base().side_m - 0.07 * 0.97).abs() < 1e-12);
         assert!(matches!(target.with_ruler(f64::NAN), Err(RulerError { .. })));
         assert!(target.with_ruler(10.0).is_err());
     }

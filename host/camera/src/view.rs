@@ -66,7 +66,7 @@ impl View {
         let detections = detect(image);
         let measured = detections.iter().filter_map(|found| {
             let corners_m = target.board_corners_m(found.id)?;
-            Some(BoardTag { id: found.id, corners_m, corners: refine(image, &found.corners, lens).ok()? })
+            Some(BoardTag { id: found.id, corners_m, corners: refine(image, found.id, &found.corners, lens).ok()? })
         });
         let tags: Vec<BoardTag> = measured.collect();
         if tags.len() < MIN_TAGS {
@@ -86,7 +86,7 @@ impl View {
     #[must_use]
     pub fn refined(&self, image: &GreyImage, lens: &Lens) -> Self {
         let refined = |tag: &BoardTag| {
-            let corners = refine(image, &tag.corners.pixels, Some(lens)).ok()?;
+            let corners = refine(image, tag.id, &tag.corners.pixels, Some(lens)).ok()?;
             Some(BoardTag { corners, ..tag.clone() })
         };
         Self { tags: self.tags.iter().filter_map(refined).collect(), blur_px: self.blur_px }

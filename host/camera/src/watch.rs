@@ -206,7 +206,7 @@ impl Watcher {
             return Err(Flag::Repeated { id });
         }
         let mut corners =
-            refine(image, &first.corners, Some(self.camera.lens())).map_err(|error| Flag::Edge { id, error })?;
+            refine(image, id, &first.corners, Some(self.camera.lens())).map_err(|error| Flag::Edge { id, error })?;
         corners.covariance *= self.camera.quality().noise_scale.max(1.0);
         let pose =
             tag_pose(self.camera.lens(), &tag, &corners).ok_or(Flag::Misfit { id, chi_squared: f64::INFINITY })?;

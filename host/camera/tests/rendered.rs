@@ -58,7 +58,7 @@ fn corners_keep_their_order_however_a_tag_is_turned() {
         let image = picture(optics, vec![Sheet::tag(tag, pose)], 1);
         let found = detect(&image);
         assert_eq!(found.iter().map(|found| found.id).collect::<Vec<_>>(), [42]);
-        let corners = refine(&image, &found[0].corners, Some(&lens(&optics))).unwrap();
+        let corners = refine(&image, 42, &found[0].corners, Some(&lens(&optics))).unwrap();
         for (corner, pixel) in tag.corners_m().iter().zip(&corners.pixels) {
             let (truth, _) = lens(&optics).project_point(&(pose.rotation * corner + pose.position)).unwrap();
             // Ten times the noise of a corner of a tag of this size.
@@ -250,7 +250,7 @@ proptest! {
         let image = GreyImage::new(64, 48, (0..64 * 48).map(|_| rng.random_range(0..=255)).collect()).unwrap();
         let [a, b, c, d, e, f, g, h] = corners;
         let corners = [[a, b], [c, d], [e, f], [g, h]].map(Into::into);
-        let _ = refine(&image, &corners, None);
-        let _ = refine(&image, &corners, Some(&lens(&optics())));
+        let _ = refine(&image, 7, &corners, None);
+        let _ = refine(&image, 7, &corners, Some(&lens(&optics())));
     }
 }

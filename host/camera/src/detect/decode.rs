@@ -7,6 +7,7 @@ use darm_core::real::Vec2;
 use super::Detection;
 use crate::family::{CELLS, DATA, TAGS, data};
 use crate::grey::GreyImage;
+use crate::homography::{of_unit_square, seen_at};
 
 /// Cells along a tag with its border and margin.
 const ALL: usize = CELLS + 2;
@@ -89,20 +90,16 @@ pub(super) fn decode(image: &GreyImage, clockwise: &[Vec2<f64>; 4]) -> Option<De
 }
 
 /// The grey levels at the middles of all cells, row by row from the first corner; `None` outside of the picture.
-fn read(image: &GreyImage, [p0, p1, p2, p3]: &[Vec2<f64>; 4]) -> Option<[Option<f64>; ALL * ALL]> {
-    // The projective map of the unit square to a quadrilateral: P. Heckbert, "Fundamentals of texture mapping", 1989, 2.2.3.
-    let (right, down, sum) = (p1 - p2, p3 - p2, p0 - p1 + p2 - p3);
-    let determinant = right.perp(&down);
-    let (g, h) = (sum.perp(&down) / determinant, right.perp(&sum) / determinant);
-    if !(g.is_finite() && h.is_finite()) {
+fn read(image: &GreyImage, clockwise: &[Vec2<f64>; 4]) -> Option<[Option<f64>; ALL * ALL]> {
+    let shown = of_unit_square(clockwise);
+    if !shown.iter().all(|number| number.is_finite()) {
         return None;
     }
-    let (by_x, by_y) = (p1 - p0 + p1 * g, p3 - p0 + p3 * h);
     let mut cells = [None; ALL * ALL];
     for (cell, grey) in cells.iter_mut().enumerate() {
         let (column, row) = place(cell);
         let (x, y) = (0.5 + column / CELLS as f64, 0.5 + row / CELLS as f64);
-        *grey = interpolate(image, &((by_x * x + by_y * y + p0) / (1.0 + g * x + h * y)));
+        *grey = interpolate(image, &seen_at(&shown, &Vec2::new(x, y)));
     }
     Some(cells)
 }
