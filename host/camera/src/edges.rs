@@ -10,13 +10,12 @@
 //! I(t, h) = d₀ + d₁ t + (c₀ + c₁ t) (1 − g Φ(−(h − a − b t) / w) + e)
 //! ```
 //!
-//! with the normal distribution function Φ. Unknown are the line (a, b), the width w of the blur, the dark border (d₀, d₁) and
+//! with the normal distribution function Φ; in sharp pictures its mean over the pixel, across the edge. Unknown are the line (a, b), the width w of the blur, the dark border (d₀, d₁) and
 //! the contrast to the white margin (c₀, c₁); the slopes follow uneven light. Least squares over some hundred pixels an edge
 //! give a and b with their covariance, which goes with the variance of the pixels, estimated from what the fit leaves.
 //!
 //! What the edge shares its pixels with is known from the corners of the pass before: g is how much of the black square the two
-//! neighbouring edges leave, e the light of the white data cells, which blur into the border. Without them the corners of a tag
-//! with cells of 4 px and a blur of 1 px move by several times their noise.
+//! neighbouring edges leave, e the light of the white data cells, which blur into the border.
 //!
 //! With a lens, the fit is in the picture that a lens without distortion would give, where edges are straight: an edge of 60 px
 //! in a picture with k₁ = −0.3 bends by about 0.1 px, several times the noise of a corner.
@@ -40,9 +39,16 @@ use crate::target::CORNERS;
 const UNKNOWNS: usize = 7;
 const WIDTH: usize = 2;
 
-/// Width of the blur at the start, and the least: that of a pixel's own area, 1/√12 px.
+/// Width of the blur at the start, and the least of what is left of it without the pixel's own area.
 const START_WIDTH: f64 = 0.8;
-const MIN_WIDTH: f64 = 0.25;
+const MIN_WIDTH: f64 = 0.15;
+
+/// Width of the blur below which the pixel's area is not taken as a part of it: an edge along rows or columns is then no normal
+/// distribution, and one that is taken for it moves with its place between two rows.
+const SHARP: f64 = 0.75;
+
+/// Gauss-Legendre's three points of an interval of length 1, with their weights.
+const ACROSS_PIXEL: [(f64, f64); 3] = [(-0.387_298_3, 5.0 / 18.0), (0.0, 8.0 / 18.0), (0.387_298_3, 5.0 / 18.0)];
 
 /// Pixels closer to a neighbouring edge than this number of widths of the blur are left out: where two edges meet at an angle
 /// other than 90°, g is not exact.
@@ -62,6 +68,9 @@ const UNMOVED: f64 = 0.01;
 /// Pixels that an edge must have for its seven unknowns to be determined with some certainty.
 const MIN_PIXELS: usize = 24;
 
+/// Steps of the least squares of an edge: about six are usual.
+const MAX_STEPS: usize = 30;
+
 /// Farthest that a fitted edge may be from the detector's, px.
 const MAX_SHIFT: f64 = 3.0;
 
@@ -71,8 +80,8 @@ const MIN_CONTRAST: f64 = 8.0;
 /// Parts into which an edge is cut to see whether something covers one of them.
 const PARTS: usize = 8;
 
-/// A part whose grey levels differ by this part of the contrast from the model, root mean square, is covered. Blur that is no
-/// Gaussian and compression leave 0.02 to 0.05.
+/// A part whose grey levels differ by this part of the contrast from the model, root mean square, is covered: what covers a tenth
+/// of a part completely leaves 0.3 of the contrast.
 const COVERED: f64 = 0.15;
 
 /// Corners of a tag with their covariance.
@@ -152,6 +161,15 @@ impl Baseline {
 struct EdgeFit<'a> {
     samples: &'a [Sample],
     unknowns: SVector<f64, UNKNOWNS>,
+    /// Length of a pixel across the edge, px; 0 where the blur includes it.
+    pixel: f64,
+}
+
+/// How much of the dark side a pixel sees, with the derivatives by its distance from the edge and by the width of the blur.
+struct DarkPart {
+    part: f64,
+    by_distance: f64,
+    by_width: f64,
 }
 
 impl EdgeFit<'_> {
@@ -159,12 +177,32 @@ impl EdgeFit<'_> {
     fn residual(&self, sample: &Sample) -> (f64, SVector<f64, UNKNOWNS>) {
         let [a, b, w, d0, d1, c0, c1] = self.unknowns.into();
         let Sample { t, h, grey, left, data } = *sample;
-        let z = (h - a - b * t) / w;
-        let light = 1.0 - left * normal(-z) + data;
+        let dark = self.dark_part(h - a - b * t, w);
+        let light = 1.0 - left * dark.part + data;
         let contrast = c0 + c1 * t;
-        let slope = -contrast * left * (-z * z / 2.0).exp() / (w * (2.0 * PI).sqrt());
-        let derivative = SVector::from([slope, slope * t, slope * z, 1.0, t, light, light * t]);
+        let (slope, by_width) = (contrast * left * dark.by_distance, -contrast * left * dark.by_width);
+        let derivative = SVector::from([slope, slope * t, by_width, 1.0, t, light, light * t]);
         (d0 + d1 * t + contrast * light - grey, derivative)
+    }
+
+    /// At a distance from the edge, outwards, of a blur of this width without the pixel's own area.
+    fn dark_part(&self, distance: f64, width: f64) -> DarkPart {
+        let one = |distance: f64| {
+            let z = distance / width;
+            let density = (-z * z / 2.0).exp() / (width * (2.0 * PI).sqrt());
+            DarkPart { part: normal(-z), by_distance: -density, by_width: z * density }
+        };
+        if self.pixel == 0.0 {
+            return one(distance);
+        }
+        let mut mean = DarkPart { part: 0.0, by_distance: 0.0, by_width: 0.0 };
+        for (at, weight) in ACROSS_PIXEL {
+            let point = one(distance + at * self.pixel);
+            mean.part += weight * point.part;
+            mean.by_distance += weight * point.by_distance;
+            mean.by_width += weight * point.by_width;
+        }
+        mean
     }
 }
 
@@ -193,7 +231,7 @@ impl Problem for EdgeFit<'_> {
     fn moved(&self, step: &SVector<f64, UNKNOWNS>) -> Option<Self> {
         let mut unknowns = self.unknowns + step;
         unknowns[WIDTH] = unknowns[WIDTH].max(MIN_WIDTH);
-        Some(Self { samples: self.samples, unknowns })
+        Some(Self { unknowns, ..*self })
     }
 }
 
@@ -308,7 +346,7 @@ pub fn refine(
         for k in 0..CORNERS {
             edges.push(fit(image, &straightener, &corners, k, &pattern)?);
         }
-        width = edges.iter().map(|edge| edge.width).fold(MIN_WIDTH, f64::max);
+        width = edges.iter().map(|edge| edge.width).fold(0.0, f64::max);
         let mut moved: f64 = 0.0;
         for (k, corner) in corners.iter_mut().enumerate() {
             let (found, ..) = crossing(&edges[(k + CORNERS - 1) % CORNERS], &edges[k]).ok_or(EdgeError::NoEdge)?;
@@ -367,7 +405,8 @@ fn fit(
     if samples.len() < MIN_PIXELS {
         return Err(EdgeError::Small { pixels: samples.len() });
     }
-    let minimum = minimise(start_values(&samples, width), 30).ok_or(EdgeError::NoEdge)?;
+    let pixel = if width < SHARP { baseline.outward.abs().max() } else { 0.0 };
+    let minimum = minimise(start_values(&samples, width, pixel), MAX_STEPS).ok_or(EdgeError::NoEdge)?;
     let [a, b, w, _, _, contrast, slope] = minimum.point.unknowns.into();
     let shift = a.abs() + b.abs();
     if !minimum.converged || contrast - slope.abs() < MIN_CONTRAST || shift > MAX_SHIFT.max(0.1 * length) {
@@ -378,7 +417,9 @@ fn fit(
     }
     let covariance = minimum.covariance().ok_or(EdgeError::NoEdge)?.fixed_view::<2, 2>(0, 0).into_owned();
     let (left, freedom) = (minimum.equations.cost, (samples.len() - UNKNOWNS) as f64);
-    Ok(Edge { baseline, offset: Vec2::new(a, b), covariance, width: w, left, freedom })
+    // The variance of a uniform distribution is a twelfth of its length, squared.
+    let width = w.hypot(pixel / 12f64.sqrt());
+    Ok(Edge { baseline, offset: Vec2::new(a, b), covariance, width, left, freedom })
 }
 
 /// The pixels within `band` of a baseline, between two places along it, with where they are.
@@ -420,14 +461,15 @@ fn samples(
 }
 
 /// Where the fit of an edge starts: on the baseline, between the mean grey levels of both sides.
-fn start_values(samples: &[Sample], width: f64) -> EdgeFit<'_> {
+fn start_values(samples: &[Sample], width: f64, pixel: f64) -> EdgeFit<'_> {
     let mean = |side: fn(f64) -> bool| {
         let greys = samples.iter().filter(|sample| side(sample.h)).map(|sample| sample.grey);
         let (sum, count) = greys.fold((0.0, 0.0), |(sum, count), grey| (sum + grey, count + 1.0));
         sum / f64::max(count, 1.0)
     };
     let (dark, light) = (mean(|h| h < -1.0), mean(|h| h > 1.0));
-    EdgeFit { samples, unknowns: SVector::from([0.0, 0.0, width, dark, 0.0, light - dark, 0.0]) }
+    let own_width = (width * width - pixel * pixel / 12.0).max(MIN_WIDTH * MIN_WIDTH).sqrt();
+    EdgeFit { samples, unknowns: SVector::from([0.0, 0.0, own_width, dark, 0.0, light - dark, 0.0]), pixel }
 }
 
 /// Whether the grey levels of a part of the edge are not those of an edge.

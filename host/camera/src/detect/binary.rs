@@ -1,12 +1,14 @@
-//! Black and white: an image in half the resolution, and a threshold from the neighbourhood of each pixel.
+//! Black and white: a threshold from the neighbourhood of each pixel, of an image in full or in half the resolution.
 
 use crate::grey::GreyImage;
 
 /// Pixels along a tile; the threshold of a tile is halfway between the darkest and the lightest pixel of it and its neighbours.
 const TILE: usize = 4;
 
-/// Difference of the darkest and the lightest pixel below which a neighbourhood is neither black nor white: noise.
-const MIN_CONTRAST: u8 = 12;
+/// Difference of the darkest and the lightest pixel below which a neighbourhood is neither black nor white, in full and in half
+/// the resolution: that of noise, whose mean over four pixels is half. A standard deviation of 4 grey levels in full resolution
+/// makes a picture of nothing but noise speckled.
+const MIN_CONTRAST: [u8; 2] = [24, 12];
 
 /// What a pixel is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,22 +19,28 @@ pub(super) enum Colour {
     Neither,
 }
 
-/// The image in half the resolution: each pixel is the mean of four.
-pub(super) struct Half {
+/// The image in full resolution, or in half of it: each pixel is then the mean of four.
+pub(super) struct Level {
+    /// Pixels of the image along a pixel of the level.
+    pub(super) factor: usize,
     pub(super) width: usize,
     pub(super) height: usize,
     pixels: Vec<u8>,
 }
 
-/// The colours of the pixels of half the resolution, row by row.
+/// The colours of the pixels of a level, row by row.
 pub(super) struct Colours {
     pub(super) width: usize,
     pub(super) height: usize,
     pub(super) pixels: Vec<Colour>,
 }
 
-impl Half {
-    pub(super) fn new(image: &GreyImage) -> Self {
+impl Level {
+    pub(super) fn full(image: &GreyImage) -> Self {
+        Self { factor: 1, width: image.width(), height: image.height(), pixels: image.pixels().to_vec() }
+    }
+
+    pub(super) fn half(image: &GreyImage) -> Self {
         let (width, height) = (image.width() / 2, image.height() / 2);
         let mut pixels = Vec::with_capacity(width * height);
         for rows in image.pixels().chunks_exact(2 * image.width()) {
@@ -42,7 +50,7 @@ impl Half {
                 ((sum + 2) / 4) as u8
             }));
         }
-        Self { width, height, pixels }
+        Self { factor: 2, width, height, pixels }
     }
 
     /// The length of the gradient at a pixel, grey levels; 0 at the rim.
@@ -69,7 +77,7 @@ impl Half {
                 }
             }
             let contrast = lightest.saturating_sub(darkest);
-            *threshold = (contrast >= MIN_CONTRAST).then(|| darkest + contrast / 2);
+            *threshold = (contrast >= MIN_CONTRAST[self.factor - 1]).then(|| darkest + contrast / 2);
         }
         let mut pixels = Vec::with_capacity(self.pixels.len());
         for (y, row) in self.pixels.chunks_exact(self.width).enumerate() {

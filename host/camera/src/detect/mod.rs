@@ -1,11 +1,12 @@
 //! Finding tags in an image, with corners to about a pixel; [`crate::edges`] refines them.
 //!
-//! The steps are those of the AprilTag library, in half the resolution up to the quadrilaterals:
+//! The steps are those of the AprilTag library, up to the quadrilaterals in full resolution, where small tags are found, and in
+//! half of it, where noise and blur are less:
 //!
 //! 1. [`binary`]: black and white by a threshold from the neighbourhood;
 //! 2. [`borders`]: connected pixels of one colour, and the points between a black and a white region;
 //! 3. [`quad`]: regions whose border is four straight lines, black inside;
-//! 4. [`decode`]: the cells are read in the full resolution, and compared with the codes of the family.
+//! 4. [`decode`]: the cells are read in full resolution, and compared with the codes of the family.
 //!
 //! Unlike there, the black border and the white margin must be there, cell by cell: random pictures then give no false tags.
 //!
@@ -40,17 +41,17 @@ pub fn detect(image: &GreyImage) -> Vec<Detection> {
     if image.width().min(image.height()) < MIN_SIDE {
         return Vec::new();
     }
-    let half = binary::Half::new(image);
-    let colours = half.colours();
     let mut found: Vec<Detection> = Vec::new();
-    for border in borders::borders(&colours) {
-        let Some(corners) = quad::corners(&half, &border) else { continue };
-        let Some(detection) = decode::decode(image, &corners) else { continue };
-        match found.iter_mut().find(|other| overlap(other, &detection)) {
-            // The inner border of a thick frame around a tag, or the same border twice.
-            Some(other) if detection.wrong_cells < other.wrong_cells => *other = detection,
-            Some(_) => {}
-            None => found.push(detection),
+    for level in [binary::Level::full(image), binary::Level::half(image)] {
+        for border in borders::borders(&level.colours()) {
+            let Some(corners) = quad::corners(&level, &border) else { continue };
+            let Some(detection) = decode::decode(image, &corners) else { continue };
+            match found.iter_mut().find(|other| overlap(other, &detection)) {
+                // A tag of the other level, or the border of a frame around a tag.
+                Some(other) if detection.wrong_cells < other.wrong_cells => *other = detection,
+                Some(_) => {}
+                None => found.push(detection),
+            }
         }
     }
     found.sort_by(|a, b| a.id.cmp(&b.id).then(a.corners[0].x.total_cmp(&b.corners[0].x)));

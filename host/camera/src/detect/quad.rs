@@ -2,7 +2,7 @@
 
 use darm_core::real::Vec2;
 
-use super::binary::Half;
+use super::binary::Level;
 use super::borders::BorderPoint;
 
 /// Points on each side of a possible corner to which a line is fitted: a twelfth of the border, at most 20, at least 2.
@@ -13,13 +13,13 @@ const MIN_WINDOW: usize = 2;
 /// Places that are tried as corners: those where a line fits worst.
 const MAX_PLACES: usize = 10;
 
-/// Mean squared distance of a border's points from its lines that is a quadrilateral's, px² of half the resolution.
+/// Mean squared distance of a border's points from its lines that is a quadrilateral's, px² of the level.
 const MAX_MEAN_SQUARE: f64 = 10.0;
 
 /// Cosine of the least angle between two sides of a quadrilateral, 10°.
 const MAX_COS: f64 = 0.984_8;
 
-/// Smallest side of a tag, px of half the resolution.
+/// Smallest side of a quadrilateral, px of the level.
 const MIN_SIDE: f64 = 4.0;
 
 /// Weights of the errors of neighbouring places: a normal distribution with a standard deviation of one point.
@@ -67,12 +67,12 @@ struct Walk {
 }
 
 impl Walk {
-    fn new(half: &Half, points: &[Vec2<f64>]) -> Self {
+    fn new(level: &Level, points: &[Vec2<f64>]) -> Self {
         let mut sums = vec![Sums::default()];
         let mut sum = Sums::default();
         for point in points {
             // A strong gradient is the edge itself, a weak one its blur.
-            let weight = 1.0 + half.gradient(point.x.max(0.0) as usize, point.y.max(0.0) as usize);
+            let weight = 1.0 + level.gradient(point.x.max(0.0) as usize, point.y.max(0.0) as usize);
             let (x, y) = (point.x, point.y);
             let (wx, wy) = (weight * x, weight * y);
             let one = Sums { weight, x: wx, y: wy, xx: wx * x, xy: wx * y, yy: wy * y, count: 1.0 };
@@ -162,10 +162,10 @@ impl Walk {
     }
 }
 
-/// The corners of a border that is a black quadrilateral, in full resolution, clockwise as it is seen.
-pub(super) fn corners(half: &Half, border: &[BorderPoint]) -> Option<[Vec2<f64>; 4]> {
+/// The corners of a border that is a black quadrilateral, in pixels of the image, clockwise as it is seen.
+pub(super) fn corners(level: &Level, border: &[BorderPoint]) -> Option<[Vec2<f64>; 4]> {
     let points = black_inside(border)?;
-    let lines = Walk::new(half, &points).best_lines()?;
+    let lines = Walk::new(level, &points).best_lines()?;
     let mut corners = [Vec2::zeros(); 4];
     for (k, corner) in corners.iter_mut().enumerate() {
         *corner = crossing(&lines[(k + 3) % 4], &lines[k])?;
@@ -180,7 +180,8 @@ pub(super) fn corners(half: &Half, border: &[BorderPoint]) -> Option<[Vec2<f64>;
     }
     let area = (side(0).perp(&side(1)) + side(2).perp(&side(3))) / 2.0;
     // Pixel (0, 0) of half the resolution is the mean of (0, 0) to (1, 1).
-    (area >= MIN_SIDE * MIN_SIDE).then(|| corners.map(|corner| corner * 2.0 + Vec2::repeat(0.5)))
+    let (factor, shift) = (level.factor as f64, (level.factor - 1) as f64 / 2.0);
+    (area >= MIN_SIDE * MIN_SIDE).then(|| corners.map(|corner| corner * factor + Vec2::repeat(shift)))
 }
 
 /// The points of a border in the order of their angles around its middle, clockwise; `None` if white is inside, or if it is too
