@@ -1,8 +1,8 @@
 //! Pictures of printed tags through a lens, for tests and the simulator.
 //!
 //! Shares the codes of the tags and the names of the lens's numbers with the estimator, and no code: rays are traced from each
-//! pixel to the sheets. A pixel is the mean over its area (144 rays where a border runs through it); then come, in this
-//! order, motion, blur, vignetting, noise, and rounding to 8 bits.
+//! pixel to the sheets. A pixel is the mean over its area, blurred by a normal distribution before it is sampled, as optics do
+//! (144 rays where a border is near); then come, in this order, motion, vignetting, noise, and rounding to 8 bits.
 //!
 //! Frames as everywhere: the camera looks along z, x to the right, y down; a sheet has x to the right, y up, z out of it.
 //! Grey levels are linear in light.
@@ -16,10 +16,17 @@ use crate::family::{CELLS, cells};
 use crate::grey::{GreyImage, GreyImageError};
 use crate::target::{Tag, Target};
 
-/// Rays of a pixel that a border runs through, on the lattice of two Fibonacci numbers: no two are in one row or column, so that
-/// a border along rows or columns also has 144 grey levels. A square grid of as many rays would move it by up to 1/24 px.
+/// Rays of a pixel near a border, on the lattice of two Fibonacci numbers: no two are in one row or column, so that a border along
+/// rows or columns also has 144 grey levels.
 const RAYS: usize = 144;
 const STRIDE: usize = 89;
+
+/// Intervals of the table of quantiles.
+const QUANTILES: usize = 1024;
+
+/// Least and largest blur that is drawn, px.
+const MIN_BLUR_PX: f64 = 1e-3;
+const MAX_BLUR_PX: f64 = 20.0;
 
 /// Steps of the fixed point from a pixel to its ray, and the change of a direction that ends it.
 const MAX_STEPS: usize = 60;
@@ -119,12 +126,15 @@ pub struct Scene {
     pub patches: Vec<Patch>,
 }
 
+/// A tag with its middle on the sheet, m, and its cells.
+type DrawnTag<'a> = (&'a Tag, [f64; 2], [[bool; CELLS]; CELLS]);
+
 /// A sheet with what is computed once for all rays.
 struct Plane<'a> {
     sheet: &'a Sheet,
     /// From a direction to homogeneous coordinates on the sheet; the last is one over the depth.
     on_sheet: Mat3<f64>,
-    tags: Vec<(&'a Tag, [f64; 2], [[bool; CELLS]; CELLS])>,
+    tags: Vec<DrawnTag<'a>>,
 }
 
 impl<'a> Plane<'a> {
@@ -163,6 +173,8 @@ pub struct Renderer {
     optics: Optics,
     /// Directions of the corners of all pixels, row by row, one more than pixels along each side.
     corners: Vec<[f64; 2]>,
+    /// Quantiles of where a ray is from the middle of its pixel, px.
+    quantiles: Vec<f64>,
 }
 
 impl Renderer {
@@ -171,7 +183,10 @@ impl Renderer {
         let columns = optics.width + 1;
         let corner = |k: usize| ray(&optics, [(k % columns) as f64 - 0.5, (k / columns) as f64 - 0.5]);
         let corners = (0..columns * (optics.height + 1)).map(corner).collect();
-        Self { optics, corners }
+        // The outer ones are finite.
+        let part = |k: usize| (k as f64 / QUANTILES as f64).clamp(0.2 / QUANTILES as f64, 1.0 - 0.2 / QUANTILES as f64);
+        let quantiles = (0..=QUANTILES).map(|k| across(part(k), optics.blur_px)).collect();
+        Self { optics, corners, quantiles }
     }
 
     /// A picture of a scene in which nothing moves.
@@ -194,12 +209,11 @@ impl Renderer {
 
     /// The light on each pixel, without noise, when each of the scenes is seen for the same part of the exposure; grey levels.
     pub fn light(&self, scenes: &[Scene]) -> Vec<f32> {
-        let Optics { width, height, blur_px, vignetting, centre_px, focal_px, .. } = self.optics;
+        let Optics { width, height, vignetting, centre_px, focal_px, .. } = self.optics;
         let mut light = vec![0.0f32; width * height];
         for scene in scenes {
             self.add_light(scene, 1.0 / scenes.len() as f32, &mut light);
         }
-        blur(&mut light, width, blur_px);
         for (k, light) in light.iter_mut().enumerate() {
             let x = ((k % width) as f64 - centre_px[0]) / focal_px[0];
             let y = ((k / width) as f64 - centre_px[1]) / focal_px[1];
@@ -233,29 +247,78 @@ impl Renderer {
         };
         let columns = self.optics.width + 1;
         let at_corners: Vec<f32> = self.corners.iter().map(|corner| grey(*corner)).collect();
+        let first = |k: usize| k / self.optics.width * columns + k % self.optics.width;
+        let around = |first: usize| [first, first + 1, first + columns, first + columns + 1];
+        let is_mixed = |k: usize| around(first(k)).iter().any(|corner| at_corners[*corner] != at_corners[first(k)]);
+        let mixed: Vec<bool> = (0..light.len()).map(is_mixed).collect();
+        let near = widened(&mixed, self.optics.width, self.optics.blur_px);
         for (k, light) in light.iter_mut().enumerate() {
-            let first = k / self.optics.width * columns + k % self.optics.width;
-            let corners = [first, first + 1, first + columns, first + columns + 1];
-            let uniform = corners[1..].iter().all(|corner| at_corners[*corner] == at_corners[first]);
-            let mean = if uniform { at_corners[first] } else { mean(corners.map(|c| self.corners[c]), grey) };
+            let own = first(k);
+            let mean = match near[k] {
+                true => self.mean(k, around(own).map(|corner| self.corners[corner]), grey),
+                false => at_corners[own],
+            };
             *light += share * mean;
         }
     }
+
+    /// The mean of a function over the rays of pixel `k` between the directions of its four corners.
+    ///
+    /// Each pixel has the lattice of rays shifted by its own part of a period (the R2 sequence of M. Roberts): what the lattice is off
+    /// by is then noise from pixel to pixel, and moves no edge.
+    fn mean(&self, k: usize, [a, b, c, d]: [[f64; 2]; 4], grey: impl Fn([f64; 2]) -> f32) -> f32 {
+        let shift = [0.754_877_666_246_693, 0.569_840_290_998_053].map(|part| (k as f64 * part).fract());
+        let quantile = |part: f64| {
+            let at = part * QUANTILES as f64;
+            let below = (at as usize).min(QUANTILES - 1);
+            let (low, high) = (self.quantiles[below], self.quantiles[below + 1]);
+            low + (high - low) * (at - below as f64)
+        };
+        let ray = |ray: usize| {
+            let part = |k: usize, axis: usize| ((k as f64 + 0.5) / RAYS as f64 + shift[axis]).fract();
+            let (right, down) = (quantile(part(ray, 0)) + 0.5, quantile(part(ray * STRIDE % RAYS, 1)) + 0.5);
+            let between = |axis: usize| {
+                (a[axis] * (1.0 - right) + b[axis] * right) * (1.0 - down)
+                    + (c[axis] * (1.0 - right) + d[axis] * right) * down
+            };
+            grey([between(0), between(1)])
+        };
+        (0..RAYS).map(ray).sum::<f32>() / RAYS as f32
+    }
 }
 
-/// The mean of a function over a pixel between the directions of its four corners.
-fn mean([a, b, c, d]: [[f64; 2]; 4], grey: impl Fn([f64; 2]) -> f32) -> f32 {
-    let mut sum = 0.0;
-    for k in 0..RAYS {
-        let right = (k as f64 + 0.5) / RAYS as f64;
-        let down = ((k * STRIDE) as f64 + 0.5) / RAYS as f64 % 1.0;
-        let between = |axis: usize| {
-            (a[axis] * (1.0 - right) + b[axis] * right) * (1.0 - down)
-                + (c[axis] * (1.0 - right) + d[axis] * right) * down
-        };
-        sum += grey([between(0), between(1)]);
+/// The quantile of a uniform distribution over a pixel plus a normal one, px: by halving, of its distribution function
+/// σ (G((x + ½)/σ) − G((x − ½)/σ)) with G(z) = z Φ(z) + φ(z).
+fn across(part: f64, deviation_px: f64) -> f64 {
+    let deviation = deviation_px.clamp(MIN_BLUR_PX, MAX_BLUR_PX);
+    let integral = |z: f64| {
+        let density = (-z * z / 2.0).exp() / (2.0 * std::f64::consts::PI).sqrt();
+        z * libm::erfc(-z / std::f64::consts::SQRT_2) / 2.0 + density
+    };
+    let below = |x: f64| deviation * (integral((x + 0.5) / deviation) - integral((x - 0.5) / deviation));
+    let reach = 0.5 + 8.0 * deviation;
+    let (mut low, mut high) = (-reach, reach);
+    for _ in 0..50 {
+        let middle = (low + high) / 2.0;
+        if below(middle) < part { low = middle } else { high = middle }
     }
-    sum / RAYS as f32
+    (low + high) / 2.0
+}
+
+/// The pixels that are within sight of one that is set, by rows and then by columns.
+fn widened(set: &[bool], width: usize, deviation_px: f64) -> Vec<bool> {
+    let reach = (3.0 * deviation_px.clamp(MIN_BLUR_PX, MAX_BLUR_PX)).ceil() as usize;
+    let mut rows = vec![false; set.len()];
+    for (k, _) in set.iter().enumerate().filter(|(_, set)| **set) {
+        let (start, column) = (k - k % width, k % width);
+        rows[start + column.saturating_sub(reach)..=start + (column + reach).min(width - 1)].fill(true);
+    }
+    let mut both = vec![false; set.len()];
+    for (k, _) in rows.iter().enumerate().filter(|(_, set)| **set) {
+        let (row, column, last) = (k / width, k % width, set.len() / width - 1);
+        (row.saturating_sub(reach)..=(row + reach).min(last)).for_each(|row| both[row * width + column] = true);
+    }
+    both
 }
 
 /// A patch with the sine and cosine of its angle, and its reach, squared.
@@ -302,37 +365,6 @@ fn ray(optics: &Optics, at: [f64; 2]) -> [f64; 2] {
         }
     }
     [x, y]
-}
-
-/// A Gaussian along rows and columns, cut at four standard deviations; each of its weights is the integral over a pixel.
-fn blur(light: &mut [f32], width: usize, deviation_px: f64) {
-    // A blur wider than the picture leaves nothing to see.
-    if !(deviation_px > 0.0 && deviation_px < width as f64) {
-        return;
-    }
-    let reach = (4.0 * deviation_px).ceil() as i64;
-    let weight = |k: i64| (-0.5 * (k as f64 / deviation_px).powi(2)).exp();
-    let sum: f64 = (-reach..=reach).map(weight).sum();
-    let weights: Vec<f32> = (-reach..=reach).map(|k| (weight(k) / sum) as f32).collect();
-    // Along rows, with the outer pixels repeated.
-    let reach = reach as usize;
-    for row in light.chunks_exact_mut(width) {
-        let (first, last) = (row[0], row[width - 1]);
-        let padded = [vec![first; reach], row.to_vec(), vec![last; reach]].concat();
-        for (pixel, window) in row.iter_mut().zip(padded.windows(weights.len())) {
-            *pixel = window.iter().zip(&weights).map(|(light, weight)| light * weight).sum();
-        }
-    }
-    // Along columns, a row at a time.
-    let (rows, height) = (light.to_vec(), light.len() / width);
-    light.fill(0.0);
-    for (y, row) in light.chunks_exact_mut(width).enumerate() {
-        for (k, weight) in weights.iter().enumerate() {
-            let from = (y + k).saturating_sub(reach).min(height - 1);
-            let source = &rows[from * width..][..width];
-            row.iter_mut().zip(source).for_each(|(pixel, light)| *pixel += weight * light);
-        }
-    }
 }
 
 #[cfg(test)]
