@@ -16,9 +16,12 @@
 //! The crate reads no clock and no device: pictures come from a [`source`], and who takes them knows when. With the feature
 //! `render` it also draws pictures of tags through a lens, by code that is not that of the estimator.
 //!
-//! # Which detector
+//! # Why a detector in this crate
 //!
-//! See [`detect`].
+//! Of the detectors on crates.io, `aprilgrid` 0.8 looks for the corners between the squares of a grid and needs 163 packages, and
+//! `kornia-apriltag` 0.2 needs 137, one of them with a licence that `deny.toml` does not allow. [`detect`] needs none. In the three
+//! photographs of the AprilTag library's tests it finds 46 of the 47 published tags, pupil-apriltags 1.0.4 29 and OpenCV 5.0 25
+//! (`eval/camera/compare.py photographs`).
 
 pub mod calibrate;
 pub mod camera;
