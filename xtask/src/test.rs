@@ -176,6 +176,19 @@ fn style() -> Result<()> {
         cargo(&["deny", "--offline", "check", "licenses", "bans", "sources"])?;
     }
     cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"])?;
+    // What no default build has.
+    cargo(&[
+        "clippy",
+        "--package",
+        "darm",
+        "--package",
+        "darm-camera",
+        "--all-features",
+        "--all-targets",
+        "--",
+        "-D",
+        "warnings",
+    ])?;
     Board::ALL.into_iter().try_for_each(|board| {
         let chip = ["--package", board.package(), "--features", "chip", "--target", board.target()];
         cargo(&[&["clippy"], &chip[..], &["--", "-D", "warnings"]].concat())

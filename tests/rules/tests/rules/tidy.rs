@@ -29,13 +29,14 @@ const LAYERS: [&str; 19] = [
     "wire",
 ];
 /// The crates with their folders, lowest first, and the crates that each depends on: exactly these.
-const CRATES: [(&str, &str, &[&str]); 24] = [
+const CRATES: [(&str, &str, &[&str]); 25] = [
     ("darm-core", "shared", &[]),
     ("darm-firmware", "firmware", &["darm-core"]),
     ("darm-b-l475e-iot01a", "firmware/boards/b-l475e-iot01a", &["darm-core", "darm-firmware"]),
     ("darm-pico", "firmware/boards/pico", &["darm-core", "darm-firmware"]),
     ("darm-olimex-stm32-h405", "firmware/boards/olimex-stm32-h405", &["darm-core", "darm-firmware"]),
     ("darm-robot", "host/robot", &["darm-core"]),
+    ("darm-camera", "host/camera", &["darm-core"]),
     ("darm-arm", "host/arm", &["darm-core", "darm-robot"]),
     ("darm-generate", "host/generate", &["darm-arm", "darm-core", "darm-robot"]),
     ("darm-device", "host/device", &["darm-arm", "darm-core"]),
@@ -53,6 +54,7 @@ const CRATES: [(&str, &str, &[&str]); 24] = [
         "host/cli",
         &[
             "darm-arm",
+            "darm-camera",
             "darm-core",
             "darm-device",
             "darm-diagnose",
