@@ -130,7 +130,9 @@ fn tests(has_emulator: bool, has_browser: bool) -> Result<()> {
     if has_browser {
         tests.env("DARM_BROWSER_REQUIRED", "1");
     }
-    run(tests)
+    run(tests)?;
+    // Pictures are drawn with a feature that no default build has.
+    cargo(&["test", "--package", "darm-camera", "--all-features"])
 }
 
 fn documents() -> Result<()> {
@@ -176,7 +178,7 @@ fn style() -> Result<()> {
         cargo(&["deny", "--offline", "check", "licenses", "bans", "sources"])?;
     }
     cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"])?;
-    // What no default build has.
+    // Features that no default build has.
     cargo(&[
         "clippy",
         "--package",
