@@ -274,8 +274,9 @@ fn few_command_lines_cannot_run() {
     let home = Home::new();
     let of_help = commands(&home, "").into_iter().flat_map(|(command, help)| of_help(&command, &help));
     let all = of_help.chain(documents().iter().flat_map(|path| of_document(path)).collect::<Vec<_>>());
-    // This test is a part of what that line runs.
-    let lines = all.filter(|example| !example.is_run() && !example.line.starts_with("cargo xtask test "));
+    // This test is a part of what the first line runs; the default build has no camera.
+    let is_other = |line: &str| ["cargo xtask test ", "darm camera "].iter().any(|start| line.starts_with(start));
+    let lines = all.filter(|example| !example.is_run() && !is_other(&example.line));
     let not_run: BTreeSet<String> =
         lines.map(|example| example.line.split_whitespace().collect::<Vec<_>>().join(" ")).collect();
     assert!(not_run.len() <= MAX_NOT_RUN, "{} lines: {not_run:#?}", not_run.len());
