@@ -3,10 +3,10 @@
 //! The steps are those of the AprilTag library, up to the quadrilaterals in full resolution, where small tags are found, and in
 //! half of it, where noise and blur are less:
 //!
-//! 1. [`binary`]: black and white by a threshold from the neighbourhood;
-//! 2. [`borders`]: connected pixels of one colour, and the points between a black and a white region;
-//! 3. [`quad`]: regions whose border is four straight lines, black inside;
-//! 4. [`decode`]: the cells are read in full resolution, and compared with the codes of the family.
+//! 1. `binary`: black and white by a threshold from the neighbourhood;
+//! 2. `borders`: connected pixels of one colour, and the points between a black and a white region;
+//! 3. `quad`: regions whose border is four straight lines, black inside;
+//! 4. `decode`: the cells are read in full resolution, and compared with the codes of the family.
 //!
 //! Unlike there, the black border and the white margin must be there, cell by cell: random pictures then give no false tags.
 //!
