@@ -55,7 +55,7 @@ fn two_hundred_seeds_break_no_rule_and_have_every_disturbance() {
         "dead valve",
         "button pressed",
         "damaged profile",
-        "table of another profile",
+        "table of somebody else",
         "wider profile",
         "table changed in one respect",
         "loose jumper",

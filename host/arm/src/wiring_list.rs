@@ -229,7 +229,8 @@ fn remarks(arm: &Arm, profile: &Profile) -> Vec<String> {
     outputs.filter_map(remark).collect()
 }
 
-fn spaced(states: &[u8]) -> String {
+/// States as they are listed, with spaces between them.
+pub fn spaced(states: &[u8]) -> String {
     states.iter().map(u8::to_string).collect::<Vec<_>>().join(" ")
 }
 

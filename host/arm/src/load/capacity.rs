@@ -91,8 +91,9 @@ impl Laden<'_> {
         if self.arm.strengths.iter().all(Option::is_none) {
             return Ok(None);
         }
+        let search = self.search()?;
         let too_much = |payload_kg: f64| {
-            let ranges = Self { payload_kg, ..self.clone() }.ranges()?;
+            let ranges = Self { payload_kg, ..self.clone() }.ranges_in(&search)?;
             Ok::<_, LoadError>(worst(self.arm, &ranges).filter(|worst| worst.share() > 1.0 + PRECISION))
         };
         if let Some(worst) = too_much(0.0)? {

@@ -109,25 +109,27 @@ impl Laden<'_> {
     /// [`LoadError::NoSetting`]: a stage cannot be assembled in any of its states. [`LoadError::NoPosture`]: there is not one
     /// angle for each servo joint.
     pub fn ranges(&self) -> Result<Vec<Vec<Option<LoadRange>>>, LoadError> {
+        self.ranges_in(&self.search()?)
+    }
+
+    /// What the search needs that no payload changes.
+    fn search(&self) -> Result<Search, LoadError> {
         let stages = self.stages()?;
-        let outer = self.loads_of_outer_stages(&stages);
         let turns = stages.iter().map(|stage| stage.iter().map(Posture::turn).collect()).collect();
         let gravity = self.arm.model.chain.mount.rotation.tr_mul(&self.arm.model.gravity);
-        let directions = Directions::new(gravity, turns, self.arm.rest());
+        Ok(Search { directions: Directions::new(gravity, turns, self.arm.rest()), stages })
+    }
+
+    fn ranges_in(&self, Search { stages, directions }: &Search) -> Result<Vec<Vec<Option<LoadRange>>>, LoadError> {
+        let outer = self.loads_of_outer_stages(stages);
         let chain = &self.arm.model.chain;
-        let (mut cases, mut actuator) = (Vec::new(), 0);
-        for (stage, kind) in chain.stages.iter().enumerate() {
-            for leg in 0..kind.n_actuators() {
-                cases.push((stage, leg, actuator));
-                actuator += 1;
-            }
-        }
-        let of_actuator = |&(stage, leg, actuator): &(usize, usize, usize)| {
+        let cases: Vec<_> = chain.actuators().enumerate().collect();
+        let of_actuator = |&(actuator, (stage, leg)): &(usize, (usize, usize))| {
             let of_state = |digit: usize| {
                 let postures =
                     stages[stage].iter().filter(|posture| usize::from(posture.word.digit(actuator)) == digit);
                 let vectors: Vec<Point> = postures.flat_map(|posture| posture.vectors(leg, &outer[stage])).collect();
-                self.range(actuator, stage, &vectors, &directions)
+                self.range(actuator, stage, &vectors, directions)
             };
             (0..chain.stages[stage].n_states(leg)).map(of_state).collect::<Result<Vec<_>, _>>()
         };
@@ -193,6 +195,12 @@ impl Laden<'_> {
         outer.reverse();
         outer
     }
+}
+
+/// The postures of each stage, and the directions of gravity in its base.
+struct Search {
+    stages: Vec<Vec<Posture>>,
+    directions: Directions,
 }
 
 /// Weights that a frame bears.

@@ -5,9 +5,9 @@ mod bench_ik;
 mod bringup;
 mod bundle;
 mod calibrate;
-mod camera;
 #[cfg(feature = "camera")]
-mod camera_command;
+mod camera;
+mod camera_lines;
 mod com;
 mod completions;
 mod console;
@@ -107,7 +107,7 @@ pub(crate) enum Command {
     Record(record::Record),
     Import(import::Import),
     #[cfg(feature = "camera")]
-    Camera(camera_command::CameraCommand),
+    Camera(camera::CameraCommand),
     Diagnose(diagnose::Diagnose),
     Calibrate(calibrate::Calibrate),
     Bundle(bundle::Bundle),

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use darm_arm::arm::Arm;
 use darm_arm::wired_arm::profile_of;
-use darm_arm::wiring_list::{CoilWire, InputWire, ServoWire, SwitchWire, WiringList};
+use darm_arm::wiring_list::{CoilWire, InputWire, ServoWire, SwitchWire, WiringList, spaced};
 use serde::Serialize;
 
 use crate::output_file::{self, Syntax};
@@ -156,10 +156,6 @@ impl InputLine {
     }
 }
 
-fn listed(states: &[u8]) -> String {
-    states.iter().map(u8::to_string).collect::<Vec<_>>().join(" ")
-}
-
 impl Answer for WiringReport {
     fn text(&self) -> String {
         let head = ["output", "line", "chip", "pin", "coil", "actuator", "", "on in", "input", "closed in"];
@@ -174,9 +170,9 @@ impl Answer for WiringReport {
                 wire.coil.to_owned(),
                 wire.actuator.to_string(),
                 wire.name.clone(),
-                listed(&wire.on_in),
+                spaced(&wire.on_in),
                 switch.map_or(String::new(), |switch| switch.input.text()),
-                switch.map_or(String::new(), |switch| listed(&switch.closed_in)),
+                switch.map_or(String::new(), |switch| spaced(&switch.closed_in)),
             ]
         }));
         let bus = |pin: Option<&str>| pin.map_or(String::new(), |pin| format!(", pin {pin}"));

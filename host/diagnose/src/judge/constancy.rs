@@ -11,7 +11,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::outcome::{Dependence, Effect, Regressor, Shape};
 use crate::select::robust_fit::pseudo_inverse;
-use crate::select::significance::chance_beyond;
+use crate::select::significance::{chance_beyond, dof_of_groups};
 
 /// A column is that of others where no more than this share of its square is its own.
 const OWN_SHARE: f64 = 1e-6;
@@ -102,8 +102,6 @@ impl Fitted<'_> {
     }
 
     /// What a column takes of the residuals, with a test that takes each group for one draw, one of `n_tests`.
-    ///
-    /// Source of the degrees of freedom: A. V. Carter, K. T. Schnepel, D. G. Steigerwald, Rev. Econ. Stat. 99 (2017) 698.
     fn along(&self, own: &DVector<f64>, residuals: &DVector<f64>, n_tests: f64) -> Change {
         let (n_axes, square) = (residuals.len() / self.time_s.len(), own.norm_squared());
         let along = own.dot(residuals);
@@ -114,10 +112,8 @@ impl Fitted<'_> {
             *score += own * (residual - slope * own);
             *weight += own * own;
         }
-        let [scores, weights] = of_groups
-            .values()
-            .fold([0.0; 2], |[scores, weights], [score, weight]| [scores + score * score, weights + weight * weight]);
-        let dof = (square * square / weights - 1.0).max(0.0) as usize;
+        let scores: f64 = of_groups.values().map(|[score, _]| score * score).sum();
+        let dof = dof_of_groups(of_groups.values().map(|[_, weight]| *weight)).max(0.0) as usize;
         let p = n_tests * chance_beyond(along / scores.sqrt().max(f64::MIN_POSITIVE), dof);
         let total = residuals.norm_squared().max(f64::MIN_POSITIVE);
         Change { size: -slope, share: along * slope / total, p }

@@ -79,11 +79,8 @@ pub struct LossReduction {
 /// The reduction from the residuals `before` to those `after`; `groups` has the word of each row.
 ///
 /// With Δ = before − after it is Σ w·(|Δ|² + 2·after·Δ); what of it is chance is the second part, whose terms are
-/// independent from word to word. A row far off by `after` has the weight w that a fit gives it. The degrees of freedom
-/// count the words that carry the change: (Σ v)² / Σ v² − 1 with v = Σ w·|Δ|² of each word, which is their number less one
-/// where all carry the same.
-///
-/// Source of the degrees of freedom: A. V. Carter, K. T. Schnepel, D. G. Steigerwald, Rev. Econ. Stat. 99 (2017) 698.
+/// independent from word to word. A row far off by `after` has the weight w that a fit gives it. The [degrees of
+/// freedom](dof_of_groups) are those of v = Σ w·|Δ|² of each word.
 pub fn clustered_t_test(before: &[f64], after: &[f64], groups: &[usize]) -> LossReduction {
     let n_axes = after.len() / groups.len().max(1);
     let row_weights = weights(after, n_axes.max(1));
@@ -99,14 +96,21 @@ pub fn clustered_t_test(before: &[f64], after: &[f64], groups: &[usize]) -> Loss
         }
     }
     let error = of_groups.values().map(|[cross, _]| cross * cross).sum::<f64>().sqrt();
-    let [changes, squares] =
-        of_groups.values().fold([0.0; 2], |[sum, squares], [_, change]| [sum + change, squares + change * change]);
-    let dof = changes * changes / squares - 1.0;
+    let dof = dof_of_groups(of_groups.values().map(|[_, change]| *change));
     if error == 0.0 || dof.is_nan() || dof <= 0.0 {
         return LossReduction { sum, error: Some(error), dof, p: if sum > 0.0 && dof > 0.0 { 0.0 } else { 1.0 } };
     }
     let p = StudentsT::new(0.0, 1.0, dof).map_or(1.0, |t| t.sf(sum / error));
     LossReduction { sum, error: Some(error), dof, p }
+}
+
+/// Degrees of freedom of a test to which groups contribute these `weights` v: (Σ v)² / Σ v² − 1. They count the groups
+/// that carry it, and are their number less one where all carry the same.
+///
+/// Source: A. V. Carter, K. T. Schnepel, D. G. Steigerwald, Rev. Econ. Stat. 99 (2017) 698.
+pub(crate) fn dof_of_groups(weights: impl Iterator<Item = f64>) -> f64 {
+    let [sum, squares] = weights.fold([0.0; 2], |[sum, squares], weight| [sum + weight, squares + weight * weight]);
+    sum * sum / squares - 1.0
 }
 
 /// The same by the losses of each group before and after: t over the groups' falls and over their relative falls, which

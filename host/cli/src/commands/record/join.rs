@@ -4,7 +4,7 @@ use darm_core::real::Vec3;
 use darm_core::se::{Pose, Twist};
 use darm_measure::Sample;
 
-use crate::commands::camera::{BAR, Picture};
+use crate::commands::camera_lines::{BAR, Picture};
 use darm_measure::visits::Rest;
 
 /// Time span in which the arm certainly rested at a visit, on the camera's clock.
@@ -69,7 +69,7 @@ mod tests {
     use darm_core::se::{Pose, Pose2};
 
     use super::{Span, join};
-    use crate::commands::camera::Picture;
+    use crate::commands::camera_lines::Picture;
     use darm_measure::visits::Rest;
 
     fn rest(from_s: f64, to_s: f64) -> Rest {

@@ -14,7 +14,7 @@ use super::output::Output;
 use super::program::{POLL, Program};
 use super::source::{CAMERA_DELAY_S, Camera, CameraError};
 use super::visit_tracker::VisitTracker;
-use crate::commands::camera::{unix_less_host_s, unix_now_s};
+use crate::commands::camera_lines::{unix_less_host_s, unix_now_s};
 use crate::commands::play::End;
 use crate::commands::status::seconds;
 use crate::failure::LostCamera;

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use darm_measure::log::{self, LogError};
 use darm_measure::mcap::McapError;
 
-use crate::commands::camera::{Columns, LineError, Picture, unix_now_s};
+use crate::commands::camera_lines::{Columns, LineError, Picture, unix_now_s};
 
 /// Timeout of one read from the camera's socket.
 const POLL: Duration = Duration::from_millis(100);

@@ -5,7 +5,7 @@ use darm_device::client::TimedEvent;
 use darm_device::clock::BoardClock;
 
 use super::join::Span;
-use crate::commands::camera::unix_less_host_s;
+use crate::commands::camera_lines::unix_less_host_s;
 use crate::commands::status::seconds;
 use darm_measure::visits::Visits;
 

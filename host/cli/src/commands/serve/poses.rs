@@ -2,7 +2,7 @@
 
 use darm_serve::measured::{MeasuredPose, PoseReader, PoseSource};
 
-use crate::commands::camera::Picture;
+use crate::commands::camera_lines::Picture;
 use crate::commands::record::Camera;
 use crate::port::emulated_camera;
 

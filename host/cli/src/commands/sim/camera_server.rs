@@ -14,7 +14,7 @@ use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 
 use super::board::Frames;
-use crate::commands::camera::{BAR, Picture, header, unix_less_host_s};
+use crate::commands::camera_lines::{BAR, Picture, header, unix_less_host_s};
 
 /// Interval at which new frames are polled.
 const POLL: Duration = Duration::from_millis(10);

@@ -10,7 +10,7 @@ use darm_measure::csv_text::csv_line;
 use serde::Serialize;
 
 use super::{FrameSize, PrintedTarget};
-use crate::commands::camera::{header, unix_now_s};
+use crate::commands::camera_lines::{header, unix_now_s};
 use crate::failure::Usage;
 use crate::ui::{Answer, Ui};
 
@@ -155,7 +155,7 @@ mod tests {
     use darm_core::se::Pose;
 
     use super::{Header, Line};
-    use crate::commands::camera::Columns;
+    use crate::commands::camera_lines::Columns;
     use crate::ui::Answer as _;
 
     #[test]

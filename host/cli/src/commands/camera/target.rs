@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::Paper;
 use crate::output_file::{Syntax, write_text};
+use crate::overwrite::OutputFile;
 use crate::ui::{Answer, Ui};
 
 const EXAMPLES: &str = "\
@@ -27,7 +28,7 @@ pub(super) struct TargetCommand {
     size: Paper,
     /// SVG file to write
     #[arg(short, long, value_name = "TARGET.svg")]
-    output: PathBuf,
+    output: OutputFile,
 }
 
 #[derive(Serialize)]
@@ -63,7 +64,7 @@ impl TargetCommand {
         let target = Target::new(self.size.into());
         let (base, tool) = (target.base(), target.tool());
         ui.print(&Page {
-            output: self.output.clone(),
+            output: self.output.to_path_buf(),
             board_tags: target.board_tags(),
             board_m: target.board_size_m(),
             base_id: base.id,

@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::{FrameSize, PrintedTarget};
 use crate::output_file::{refuse_other_than_toml, write_all};
+use crate::overwrite::OutputFile;
 use crate::ui::{Answer, Ui, columns, six_digits};
 
 const EXAMPLES: &str = "\
@@ -35,7 +36,7 @@ pub(super) struct CalibrateCommand {
     frame: Option<FrameSize>,
     /// Camera file to write
     #[arg(short, long, value_name = "CAMERA.toml")]
-    output: PathBuf,
+    output: OutputFile,
 }
 
 #[derive(Serialize)]
@@ -142,7 +143,7 @@ impl CalibrateCommand {
         }
         let report = collector.finish()?;
         write_all(&[(&self.output, report.camera.to_toml()?.as_bytes())])?;
-        ui.print(&Calibrated::new(self.output.clone(), &report))
+        ui.print(&Calibrated::new(self.output.to_path_buf(), &report))
     }
 }
 
