@@ -441,6 +441,7 @@ impl World {
         self.servos.on_start(now_ns);
         self.person.on_start(now_ns);
         self.board_supply.on_start();
+        self.switches.on_latches_unknown();
         if power_was_off {
             self.bench.flash().forget_wear();
         }

@@ -19,11 +19,14 @@ const SPANS: usize = 16;
 struct Track {
     /// Its digit as the lines say.
     digit: u8,
+    /// Lines of its latches that have gone high since the board knew of none in which state it is.
+    pulsed: u64,
     /// Since when the board says so too, while lines were on.
     since_ns: Option<u64>,
     /// Since when its switch contradicts that.
     wrong_ns: Option<u64>,
-    /// Since when it does so while lines are on and it has not moved since they were all off, and the last such spans that ended.
+    /// Since when it does so while lines are on and it has not moved since they were all off, or before a program, and the last such
+    /// spans that ended.
     resting_ns: Option<u64>,
     rested_ns: VecDeque<(u64, u64)>,
 }
@@ -34,6 +37,8 @@ pub struct Switches {
     actuators: Vec<SwitchCeiling>,
     tracks: Vec<Track>,
     lines: u64,
+    /// Whether latches are set before the first row of a program: the board compares their switches from its start on.
+    is_approaching: bool,
     /// When something was wrong with an input, a switch or a valve last.
     disturbed_ns: Option<u64>,
     verdict: Verdict,
@@ -43,8 +48,8 @@ impl Switches {
     /// Actuators at rest.
     pub fn new(ceilings: Ceilings, actuators: Vec<SwitchCeiling>) -> Self {
         let tracks = vec![Track::default(); actuators.len()];
-        let (lines, disturbed_ns) = (0, None);
-        Self { ceilings, actuators, tracks, lines, disturbed_ns, verdict: Verdict::default() }
+        let verdict = Verdict::default();
+        Self { ceilings, actuators, tracks, lines: 0, is_approaching: false, disturbed_ns: None, verdict }
     }
 
     /// Something is wrong with an input, a switch or a valve now.
@@ -52,34 +57,49 @@ impl Switches {
         self.disturbed_ns = Some(now_ns);
     }
 
+    /// The board has started, or has been given another table: it knows of no latch any more.
+    pub fn on_latches_unknown(&mut self) {
+        self.tracks.iter_mut().for_each(|track| track.pulsed = 0);
+    }
+
+    /// Somebody asks for a program to be run.
+    pub fn on_play(&mut self) {
+        self.is_approaching = true;
+    }
+
     /// The end of a tick: these lines are high, these inputs closed. `is_watched`: the loaded table names the switches.
     pub fn look(&mut self, now_ns: u64, lines: u64, inputs: u32, is_watched: bool) {
         let rising = lines & !self.lines;
         let was = std::mem::replace(&mut self.lines, lines);
+        self.is_approaching &= was == 0 || lines != 0;
         for (actuator, track) in self.actuators.iter().zip(&mut self.tracks) {
             if lines == 0 {
                 // Nothing is expected of a switch while the board drives nothing.
                 (track.since_ns, track.wrong_ns) = (None, None);
             }
             let digit = digit(actuator, track.digit, lines, rising);
-            if digit != track.digit && lines != 0 {
+            // A pulse may move it though the lines say that it is there already: one before it was cut too early.
+            let pulsed = rising & latch_lines(actuator);
+            if (digit != track.digit || pulsed != 0) && lines != 0 {
                 (track.since_ns, track.wrong_ns) = (Some(now_ns), None);
             }
             track.digit = digit;
+            track.pulsed |= pulsed;
             let is_closed = inputs >> actuator.input & 1 == 1;
             let is_wrong = is_closed != (actuator.closed_in >> digit & 1 == 1);
             let arrived_ns =
                 track.since_ns.map(|since_ns| since_ns + self.ceilings.true_ns(u64::from(actuator.travel_ms)));
-            let is_resting = is_watched && is_wrong && lines != 0 && track.since_ns.is_none();
+            let has_arrived = arrived_ns.is_some_and(|at_ns| now_ns >= at_ns);
+            let rests = if self.is_approaching { arrived_ns.is_none() || has_arrived } else { arrived_ns.is_none() };
+            let is_resting = is_watched && is_wrong && lines != 0 && rests;
             if let (Some(from_ns), false) = (track.resting_ns, is_resting) {
                 track.rested_ns.push_back((from_ns, now_ns));
                 track.rested_ns.drain(..track.rested_ns.len().saturating_sub(SPANS));
             }
             track.resting_ns = if is_resting { track.resting_ns.or(Some(now_ns)) } else { None };
-            // A latch that somebody has set before is reset for the board: of such a state it knows nothing.
-            let is_state = digit < actuator.states;
-            let counts =
-                is_watched && is_wrong && is_state && was != 0 && arrived_ns.is_some_and(|at_ns| now_ns >= at_ns);
+            // A latch that was set before is reset for the board: of such a state it knows nothing.
+            let is_state = digit < actuator.states && is_known(actuator, track.pulsed);
+            let counts = is_watched && is_wrong && is_state && has_arrived && !self.is_approaching && was != 0;
             track.wrong_ns = if counts { track.wrong_ns.or(Some(now_ns)) } else { None };
             if track.wrong_ns.is_some_and(|wrong_ns| now_ns > wrong_ns + self.ceilings.true_ns(NOTICE_MS)) {
                 let (input, seen) = (actuator.input, if is_closed { "closed" } else { "open" });
@@ -93,7 +113,9 @@ impl Switches {
     /// The board reports that a program has started at this true time, and nobody else has acted since: after the time of travel each
     /// switch is compared, also that of an actuator that stays where it is.
     pub fn on_started(&mut self, now_ns: u64, started_ns: u64) {
-        for (actuator, track) in self.actuators.iter().zip(&self.tracks) {
+        self.is_approaching = false;
+        for (actuator, track) in self.actuators.iter().zip(&mut self.tracks) {
+            track.since_ns = track.since_ns.map(|since_ns| since_ns.max(started_ns));
             let arrived_ns = started_ns + self.ceilings.true_ns(u64::from(actuator.travel_ms) + 1);
             let noticed_ns = arrived_ns + self.ceilings.true_ns(NOTICE_MS);
             let lasts = track.resting_ns.map(|from_ns| (from_ns, now_ns));
@@ -126,6 +148,18 @@ impl Switches {
     pub fn finish(self) -> Verdict {
         self.verdict
     }
+}
+
+/// The lines that set and reset the latches of an actuator.
+fn latch_lines(actuator: &SwitchCeiling) -> u64 {
+    let lines = actuator.coils.iter().filter_map(|&(line, reset)| Some([line, reset?])).flatten();
+    lines.fold(0, |lines, line| lines | 1 << line)
+}
+
+/// Whether each latch of an actuator is among those with a line of these.
+fn is_known(actuator: &SwitchCeiling, pulsed: u64) -> bool {
+    let mut latches = actuator.coils.iter().filter_map(|&(line, reset)| Some([line, reset?]));
+    latches.all(|lines| lines.iter().any(|line| pulsed >> line & 1 == 1))
 }
 
 /// The digit of an actuator by its lines.
@@ -196,6 +230,56 @@ mod tests {
         assert!(is_ignored(judge(Some(1)), &[(10, 0, 0), (20, 0b101, 0), (60, 0b100, 0)]));
         assert!(!is_ignored(judge(Some(1)), &[(10, 0, 0), (20, 0b101, 0), (20, 0b100, 0), (60, 0b100, 8)]));
         assert!(!is_ignored(judge(Some(1)), &[(10, 0, 0), (20, 1, 0), (60, 0, 0)]), "nothing is driven");
+    }
+
+    /// An actuator of two latches: one is set, the other one is reset later, and the switch never closes.
+    fn two_latches() -> Switches {
+        let mut judge = judge(Some(1));
+        judge.actuators[0] =
+            SwitchCeiling { coils: vec![(0, Some(1)), (2, Some(3))], states: 4, ..judge.actuators[0].clone() };
+        judge
+    }
+
+    const OTHER_LOAD: u64 = 1 << 8;
+
+    #[test]
+    fn a_state_counts_once_each_latch_has_had_a_pulse() {
+        for (is_started, set_again, is_ignored) in [(false, 0, true), (true, 0, false), (true, 1, true)] {
+            let mut judge = two_latches();
+            (1..20).for_each(|ms| judge.look(ms * MS, 1, 0, true));
+            if is_started {
+                judge.on_latches_unknown();
+            }
+            for ms in 20..200 {
+                let pulses = if (40..60).contains(&ms) { 1 << 3 | set_again } else { 0 };
+                judge.look(ms * MS, OTHER_LOAD | pulses, 0, true);
+            }
+            assert_eq!(judge.finish().has("switch-ignored"), is_ignored, "{is_started} {set_again}");
+        }
+    }
+
+    #[test]
+    fn a_pulse_takes_its_time_where_the_state_was_there_already() {
+        for (pulse_ms, is_ignored) in [(0..0, true), (40..60, false)] {
+            let mut judge = two_latches();
+            for ms in 1..80 {
+                let pulses = if pulse_ms.contains(&ms) { 1 << 3 } else { 0 };
+                judge.look(ms * MS, OTHER_LOAD | u64::from(ms < 20) | u64::from(ms < 20) << 3 | pulses, 0, true);
+            }
+            assert_eq!(judge.finish().has("switch-ignored"), is_ignored, "{pulse_ms:?}");
+        }
+    }
+
+    /// The board sets all latches before a program, one after the other, and looks at the switches from its first row on.
+    #[test]
+    fn a_switch_before_a_program_counts_from_its_start() {
+        for (started_ms, until_ms, is_ignored) in [(100, 140, false), (100, 200, true), (20, 140, true)] {
+            let mut judge = judge(Some(1));
+            judge.on_play();
+            (1..until_ms).for_each(|ms| judge.look(ms * MS, OTHER_LOAD | u64::from(ms < 20), 0, true));
+            judge.on_started(until_ms * MS, started_ms * MS);
+            assert_eq!(judge.finish().has("switch-ignored"), is_ignored, "{started_ms} {until_ms}");
+        }
     }
 
     #[test]

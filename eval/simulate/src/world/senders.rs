@@ -322,7 +322,10 @@ impl World {
                 }
             }
             Request::Command(Command::Clear) => self.on_cleared(),
-            Request::Command(Command::Play) if is_open => self.servos.on_order(now_ns, Wish::Table),
+            Request::Command(Command::Play) if is_open => {
+                self.servos.on_order(now_ns, Wish::Table);
+                self.switches.on_play();
+            }
             Request::Command(Command::Servo { servo, angle_rad }) if is_open => {
                 self.servos.on_order(now_ns, Wish::Angle(servo, angle_rad));
             }
@@ -331,6 +334,7 @@ impl World {
             }
             Request::Commit(image) => {
                 self.wear.on_commit();
+                self.switches.on_latches_unknown();
                 if image.kind == ImageKind::Profile {
                     self.person.on_commit(now_ns, image.digest.0);
                 }

@@ -95,7 +95,8 @@ impl World {
 
     /// A load pushes this servo this number of steps away from where its own bends it, until it is taken away; then it may turn back for a while.
     pub fn push_servo(&mut self, index: usize, steps: f32) {
-        self.pushed_ns = self.now_ns() + BACK_MS * 1_000_000;
+        let is_taken_away = steps == 0.0;
+        self.pushed_ns = if is_taken_away { self.now_ns() + BACK_MS * 1_000_000 } else { u64::MAX };
         self.disturbed_ns = self.now_ns();
         let own = self.arm.servos.iter().map(|servo| servo.bend_steps).enumerate();
         let bends: Vec<f32> = own.map(|(own, bend)| if own == index { bend + steps } else { bend }).collect();

@@ -132,6 +132,8 @@ struct Servo {
     bend_steps: f32,
     answers: u32,
     misled: u32,
+    /// How its last two damaged answers begin: with its position, as a rule.
+    damaged: [[u8; 2]; 2],
     faults: ServoFaults,
 }
 
@@ -142,8 +144,9 @@ impl Servo {
         registers[..6].copy_from_slice(&[3, 10, 0, 9, 3, id]);
         registers[register::VOLTAGE] = 74;
         registers[register::TEMPERATURE] = 30;
-        let (bend_steps, answers, misled, faults) = (0.0, 0, 0, ServoFaults::default());
-        let mut servo = Self { registers, offset_rad, position, bend_steps, answers, misled, faults };
+        let (bend_steps, answers, misled, damaged) = (0.0, 0, 0, [[0; 2]; 2]);
+        let faults = ServoFaults::default();
+        let mut servo = Self { registers, offset_rad, position, bend_steps, answers, misled, damaged, faults };
         servo.set(register::TORQUE_LIMIT, 1000);
         servo.set(register::GOAL_POSITION, position as u16);
         servo.show(0.0);
@@ -377,11 +380,24 @@ impl ServoBus {
         if servo.faults.damaged != 0 {
             noise = scrambled(noise);
             if (noise >> 32).is_multiple_of(DAMAGED_IN) {
-                damage(&mut bytes, noise);
+                servo.damage_answer(&mut bytes, noise);
             }
         }
         answers.extend(packet(id, status, &bytes));
         self.noise = noise;
+    }
+}
+
+impl Servo {
+    /// Damages an answer, but no third one in the same way: what a board promises of damaged answers holds for two that agree.
+    fn damage_answer(&mut self, bytes: &mut Vec<u8>, noise: u64) {
+        let mut damaged = bytes.clone();
+        damage(&mut damaged, noise);
+        let [own, other] = [&*bytes, &damaged].map(|bytes| bytes.first_chunk::<2>().copied().unwrap_or_default());
+        if other == own || self.damaged != [other; 2] {
+            self.damaged = if other == own { self.damaged } else { [self.damaged[1], other] };
+            *bytes = damaged;
+        }
     }
 }
 
@@ -551,6 +567,8 @@ mod tests {
         assert!(answers.iter().all(|answer| answer[5 + 6] == super::check(&answer[2..5 + 6])));
         let other = answers.iter().filter(|answer| answer[5..7] != [0, 8]).count();
         assert!((5..40).contains(&other), "{other} of 60");
+        let damaged: Vec<&[u8]> = answers.iter().map(|answer| &answer[5..7]).filter(|place| *place != [0, 8]).collect();
+        assert!(damaged.windows(3).all(|three| three[0] != three[1] || three[1] != three[2]), "no three agree");
     }
 
     #[test]
