@@ -6,6 +6,7 @@ pub mod fitted_terms;
 pub(crate) mod gate;
 pub(crate) mod held_out;
 pub mod intervals;
+mod jumps;
 pub(crate) mod lack_of_fit;
 pub mod next_rows;
 pub mod next_words;

@@ -6,6 +6,7 @@ use crate::judge::constancy::Fitted;
 use crate::judge::far_rows::{are_too_many, far_rows_of_signals};
 use crate::judge::gate::{self, Evidence, UNEXPLAINED_SHARE};
 use crate::judge::held_out::HeldOut;
+use crate::judge::jumps::leave_jumping;
 use crate::judge::lack_of_fit::{AxisLeft, MAX_OVER_NOISE, exceeds_noise};
 use crate::judge::remaining::{self, Remaining};
 use crate::judge::scatter::{self, Scatter};
@@ -85,6 +86,9 @@ pub(crate) fn judge(
     if let Some(scatter) = &scatter {
         remaining.splice(0..0, leave_beaten(selected, &mut effects, (&after, scatter))?);
     }
+    let jumps = leave_jumping(selected, &mut effects);
+    let is_jumping = !jumps.is_empty();
+    remaining.splice(0..0, jumps);
     let changing = withhold_of_changing(selected, &mut effects);
     let is_changing = !changing.is_empty();
     remaining.splice(0..0, changing);
@@ -109,12 +113,14 @@ pub(crate) fn judge(
         is_left: is_wrong_in_part
             || is_event
             || is_changing
+            || is_jumping
             || left > UNEXPLAINED_SHARE
             || over_noise > MAX_OVER_NOISE
             || rest.is_beyond_repeats
             || rest.is_far_from_neighbours
             || has_shape,
         is_mainly_taken: !is_event
+            && !is_jumping
             && left < MAX_PARTLY_LEFT
             && is_halved(&problem.experiment, &after)
             && scatter.as_ref().is_none_or(|scatter| is_excess_taken(&problem.experiment, &after, scatter)),

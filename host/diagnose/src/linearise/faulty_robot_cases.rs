@@ -28,6 +28,8 @@ pub(super) enum Fault {
         offset: f64,
         ripple: f64,
     },
+    /// It has play, and lies on the one side of it or the other as it is on either side of −1.5 rad; half of the play, rad.
+    Play(f64),
     /// Its encoder shows so much less of each turn.
     Gear(f64),
     /// Its frame is turned (rad) and moved (m).
@@ -87,6 +89,7 @@ impl Faulty {
         match self.fault {
             Fault::None | Fault::Frame { .. } => {}
             Fault::Encoder { offset, ripple } => q[JOINT] += offset + ripple * (q[JOINT] + 0.5).sin(),
+            Fault::Play(half) => q[JOINT] += half * (q[JOINT] + 1.5).sin().signum(),
             Fault::Gear(scale) => q[JOINT] *= 1.0 + scale,
             Fault::Soft { along, across } => robot = Cow::Owned(self.bent(shown, along, across)),
             Fault::Tool(shift) => tip = shift.into(),

@@ -116,15 +116,15 @@ pub fn pseudo_inverse(information: &DMatrix<f64>) -> DMatrix<f64> {
 }
 
 /// Residuals near a model, and how each value moves them.
-pub(super) struct Linear<'a> {
-    pub(super) columns: &'a [Vec<f64>],
-    pub(super) residuals: &'a [f64],
-    pub(super) n_axes: usize,
+pub(crate) struct Linear<'a> {
+    pub(crate) columns: &'a [Vec<f64>],
+    pub(crate) residuals: &'a [f64],
+    pub(crate) n_axes: usize,
 }
 
 impl Linear<'_> {
     /// The change of the values that fits the residuals best; `counts` says which rows count, `first` how much at first.
-    pub(super) fn step(&self, counts: &[f64], first: &[f64], reweightings: usize) -> DVector<f64> {
+    pub(crate) fn step(&self, counts: &[f64], first: &[f64], reweightings: usize) -> DVector<f64> {
         let &Self { columns, residuals, n_axes } = self;
         let mut row_weights: Vec<f64> = first.iter().zip(counts).map(|(w, c)| w * c).collect();
         let mut step = DVector::zeros(columns.len());

@@ -11,7 +11,7 @@ use crate::diagnosis::{SignalOptions, diagnose_table};
 use crate::linearise::faulty_robot_cases::{Fault, Faulty, JOINTS, cases, named, normal, panda};
 use crate::linearise::model::{Model, Predictor};
 use crate::misreading::Misreading;
-use crate::outcome::{Regressor, Verdict};
+use crate::outcome::{Regressor, Shape, Verdict};
 use darm_measure::table::{Names, Table};
 
 const POSTURES: usize = 150;
@@ -59,6 +59,22 @@ fn an_instrument_may_show_lengths_too_long() {
     for (base, in_base_frame) in [(Pose::identity(), true), (elsewhere, false)] {
         let found = reported(Fault::None, &base, in_base_frame, 1.001, NOISE_M);
         assert_eq!(found, "scale the measuring instrument");
+    }
+}
+
+/// Waves, a scale and a compliance together come near a jump; none of them is there.
+#[test]
+fn a_joint_that_jumps_has_no_smooth_error() {
+    for half in [1e-3, 3e-3] {
+        let robot = panda();
+        let table = table(&robot, Fault::Play(half), &Pose::identity(), 1.0, NOISE_M);
+        let how = MeasuredTool { tool: Some(TOOL.into()), oriented: false, in_base_frame: true };
+        let model = Model::from(Predictor::Tool(robot, how));
+        let found = diagnose_table(&model, &table, &SignalOptions::default()).unwrap().diagnosis;
+        assert_eq!((found.verdict, found.effects.len()), (Verdict::UnexplainedStructure, 0), "{:?}", found.plain);
+        let jump = &found.remaining.depends_on[0];
+        assert_eq!((&*jump.variable, jump.shape), ("position of joint 4", Shape::Step), "{:?}", found.plain);
+        assert!(jump.share > 0.9, "{jump:?}");
     }
 }
 
