@@ -48,6 +48,8 @@ const MOVE_PAUSE_MS: u64 = 120;
 const USES: u32 = 30;
 /// After the last byte of a stop, or after the emergency stop is pressed, all outputs are off within this time, ms.
 const STOP_MS: u64 = 6;
+/// Two visits of the servos, and their answers.
+const VISITS_MS: u64 = 30;
 
 impl Host<'_> {
     /// Turns a servo that has not answered since the board started: whatever the board says, it is not driven.
@@ -109,6 +111,8 @@ impl Host<'_> {
                 None => return,
             }
         }
+        // The last row's target reaches a servo with the next visit.
+        world::pass(VISITS_MS);
         let (began_ns, before) = world::with(|world| (world.now_ns(), world.servos.places()));
         let is_done = self.set_offsets(offset_rad);
         world::pass(SETTLE_MS);

@@ -168,7 +168,7 @@ impl Exchange {
         name: &'static str,
         request: bootstrap::Request,
     ) -> Result<Vec<u8>, ClientError> {
-        let header = Header { tag: request.tag(), link: 0, number: self.numbers.next(true) };
+        let header = Header { tag: request.tag(), link: self.connection, number: self.numbers.next(true) };
         let answered = Header { tag: request.tag() | bootstrap::ANSWER, ..header };
         let bytes = encode(header, request.payload())?;
         let arrival = self.exchange(&bytes, answered, PATIENCE_S)?.arrival;
