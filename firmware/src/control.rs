@@ -316,6 +316,9 @@ impl<'t> Control<'t> {
         if inputs.switches != self.seen.switches {
             shared.inputs.push(now, inputs.switches);
         }
+        let emergency_stop = self.sequencer.profile().emergency_stop;
+        let is_pressed = |switches: u32| emergency_stop.is_some_and(|stop| stop.is_pressed(switches));
+        let is_new_press = is_pressed(inputs.switches) && !is_pressed(self.seen.switches);
         self.seen.switches = inputs.switches;
         self.seen.chain_broken = inputs.chain_broken;
         (self.seen.enable_stuck, self.seen.far_end) = (inputs.enable_stuck, inputs.far_end);
@@ -336,6 +339,10 @@ impl<'t> Control<'t> {
         }
         self.aim(&outputs, shared);
         shared.stops_done.store(stops, Ordering::Release);
+        if is_new_press {
+            // It has latched the safe state; what was requested before it must not act once it is released.
+            shared.stop();
+        }
         // A tick that switched coils has done enough; the order waits for the next one, and never longer.
         self.waited = self.next_event != events_before && !self.waited;
         self.has_obeyed = !self.waited && self.sequencer.is_ready() && self.poll_request(shared);
@@ -391,7 +398,10 @@ impl<'t> Control<'t> {
     }
 
     fn output(&self, number: u8) -> Option<OutputState> {
-        let limit = self.sequencer.profile().output(number)?.limit;
+        let of_profile = self.sequencer.profile().output(number)?.limit;
+        // A table can only be tighter, and is what latches.
+        let mut wired = self.sequencer.table().into_iter().flat_map(|table| &table.wiring().coils);
+        let limit = wired.find(|coil| coil.output == number).map_or(of_profile, |coil| coil.limit);
         let meter = self.sequencer.used().meters.get(usize::from(number))?;
         let counted = MeterLimit::of(&limit);
         let [left_ms, recovery_ms] = [meter.left_us(&counted), meter.recovery_us(&counted)].map(|us| us / 1000);

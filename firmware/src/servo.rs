@@ -144,7 +144,9 @@ struct Known {
     tries: u8,
     /// It had torque when that was last written or read.
     is_driven: bool,
-    /// It did not answer when it was visited last.
+    /// It did not answer when it was visited last, or not clearly.
+    is_missed: bool,
+    /// It did not answer at all then.
     is_silent: bool,
     /// Visits until it has braked.
     settling: u8,
@@ -237,7 +239,7 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
             }
         };
         let breach = self.known.get_mut(index).and_then(|known| known.judge(limit, before, &sample));
-        self.note(index, |known| (known.place, known.is_silent) = (Some(sample.place), false));
+        self.note(index, |known| (known.place, known.is_missed, known.is_silent) = (Some(sample.place), false, false));
         let seen = sample.seen();
         shared.set_servo_breach(index, breach);
         // What it is to do may have changed meanwhile: no target from before a stop is written after it.
@@ -467,13 +469,17 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
 impl Known {
     /// It did not answer, or not clearly. Whether it does what was written last is not known: that is written again, or read back.
     /// A position that is held stays the goal all the same: where the load has bent it to is no new one. Answers that contradict
-    /// each other do not show where it is, and where it was limits where it can be; one that was silent may have been turned.
+    /// each other do not show where it is, and where it was limits where it can be; one that was silent twice in a row may have been
+    /// turned. On a worn cable each second answer may be lost: what the one before breached is not forgotten for that.
     fn miss(&mut self, error: BusError) {
-        if error != BusError::Doubtful {
-            (self.place, self.span_from) = (None, None);
+        if self.is_missed {
+            self.breach = None;
+            if error != BusError::Doubtful {
+                (self.place, self.span_from) = (None, None);
+            }
         }
-        (self.is_driven, self.visits, self.is_silent) = (false, REWRITE_VISITS, error == BusError::Silent);
-        self.breach = None;
+        (self.is_driven, self.visits, self.is_missed) = (false, REWRITE_VISITS, true);
+        self.is_silent = error == BusError::Silent;
     }
 
     /// Begins another action, or continues the same one.

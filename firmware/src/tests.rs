@@ -11,7 +11,7 @@ mod wear;
 use core::cell::{Cell, RefCell};
 
 use darm_core::profile::Profile;
-use darm_core::sequencer::{Command, CommandError, Event, FaultKind, Outputs, Phase};
+use darm_core::sequencer::{Command, CommandError, Event, FaultKind, Outputs, Phase, ServoSeen};
 use darm_core::units::{ActuatorId, DeviceId, Digest, Micros};
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{self, Identity};
@@ -39,6 +39,8 @@ struct Bench {
     outputs: Cell<Outputs>,
     /// Switches that do not follow: the bits are what they show instead.
     stuck: Cell<Option<u32>>,
+    /// The first servo answers, from where it is.
+    has_servo: Cell<bool>,
     /// A person holds the button.
     button: Cell<bool>,
     /// Supply that the converter gives in the next tick, mV.
@@ -77,6 +79,7 @@ impl Bench {
             control: RefCell::new(Control::new(Micros(0), shared, Box::leak(Box::default()))),
             outputs: Cell::default(),
             stuck: Cell::default(),
+            has_servo: Cell::new(true),
             button: Cell::default(),
             supply_mv: Cell::default(),
             stop_at: Cell::default(),
@@ -101,10 +104,20 @@ impl Bench {
         if Some(now) == self.stop_at.get() {
             self.shared.stop();
         }
+        if self.has_servo.get() {
+            let seen = self.shared.servo_seen(0);
+            self.shared.see_servo(0, ServoSeen { answered: Some(Micros(now)), ..seen });
+        }
         let switches = self.stuck.get().unwrap_or(self.outputs.get().lines as u32);
         let (button, supply_mv) = (self.button.get(), self.supply_mv.take());
         let inputs = Inputs { switches, button, supply_mv, ..Inputs::default() };
         self.outputs.set(self.control.borrow_mut().tick(Micros(now), Micros(now), inputs, self.shared));
+    }
+
+    /// A servo has answered so, and answers no more.
+    fn see_servo(&self, seen: ServoSeen) {
+        self.has_servo.set(false);
+        self.shared.see_servo(0, seen);
     }
 
     fn pass_ms(&self, millis: u32) {

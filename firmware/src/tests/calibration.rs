@@ -29,7 +29,7 @@ fn offsets_are_in_force_after_a_start_with_the_emergency_stop_pressed() {
     assert_eq!(bench.upload(&table_under(&stops, 1, 4, true, &[])), Ok(Answer::Committed { rows: 4 }));
     bench.command(Command::Clear).unwrap();
     let answered = Some(Micros(bench.clock.0.get()));
-    bench.shared.see_servo(0, ServoSeen { angle_rad: 0.5, answered, ..ServoSeen::default() });
+    bench.see_servo(ServoSeen { angle_rad: 0.5, answered, ..ServoSeen::default() });
     bench.tick();
     assert_eq!(bench.status().servos[0].angle_rad, 0.0);
     bench.command(Command::Servo { servo: 0, angle_rad: 0.0 }).unwrap();
@@ -99,7 +99,7 @@ fn offsets_whose_write_failed_are_never_in_force() {
     bench.cells.refuse_writes(false);
     for bench in [&bench, &Bench::new(bench.cells.copy())] {
         bench.connect();
-        bench.shared.see_servo(0, ServoSeen { angle_rad: 0.5, answered: Some(Micros(1)), ..ServoSeen::default() });
+        bench.see_servo(ServoSeen { angle_rad: 0.5, answered: Some(Micros(1)), ..ServoSeen::default() });
         bench.tick();
         assert_eq!(bench.ask(Request::Calibration), Ok(Answer::Calibration(Some(half_a_radian()))));
         assert_eq!(bench.status().servos[0].angle_rad, 0.0);

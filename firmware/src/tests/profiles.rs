@@ -227,3 +227,28 @@ fn both_copies_of_the_record_of_a_profile_are_damaged_and_nothing_is_driven() {
     assert_eq!(outputs(&bench), 0, "the limits that are built in are in force");
     assert_eq!(bench.shared.servos(), Servos::Uncontrolled, "they may be on their way");
 }
+
+/// A table may be tighter than the profile.
+#[test]
+fn what_an_output_has_left_is_what_its_table_leaves_it() {
+    let mut wide = profile();
+    wide.outputs[0].as_mut().unwrap().limit.max_on_ms = 20_000;
+    let wide = Profile { digest: profile_image(&wide).0.digest, ..wide };
+    let bench = Bench::new(Cells::under(&wide));
+    bench.connect();
+    assert_eq!(bench.upload(&super::fakes::table_under(&wide, 1, 4, false, &[])), Ok(Answer::Committed { rows: 4 }));
+    bench.command(darm_core::sequencer::Command::Word("10".parse().unwrap())).unwrap();
+    bench.pass_ms(10);
+    let Ok(Answer::Outputs(outputs)) = bench.ask(Request::Outputs { from: 0 }) else { panic!("outputs") };
+    let said_ms = outputs[0].left_ms.min(outputs[0].limit.max_on_ms);
+    let mut on_ms = 0;
+    while on_ms < said_ms - 100 && bench.outputs.get().lines == 1 {
+        bench.tick();
+        on_ms += 1;
+    }
+    assert!(
+        on_ms >= said_ms - 100,
+        "{said_ms} ms are left, and the board latched after {on_ms}: {:?}",
+        bench.status().phase
+    );
+}

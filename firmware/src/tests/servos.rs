@@ -20,7 +20,7 @@ pub(super) fn with_servo(angle_rad: f32) -> Bench {
     bench.connect();
     assert_eq!(bench.upload(&table(1, 4, true)), Ok(Answer::Committed { rows: 4 }));
     let answered = Some(Micros(bench.clock.0.get()));
-    bench.shared.see_servo(0, ServoSeen { angle_rad, answered, ..ServoSeen::default() });
+    bench.see_servo(ServoSeen { angle_rad, answered, ..ServoSeen::default() });
     bench.tick();
     bench
 }
@@ -77,7 +77,7 @@ fn with_servo_on_its_way() -> (Bench, Image) {
 /// The shaft is at this angle in the next tick.
 fn is_at(bench: &Bench, angle_rad: f32) {
     let answered = Some(Micros(bench.clock.0.get()));
-    bench.shared.see_servo(0, ServoSeen { angle_rad, answered, ..ServoSeen::default() });
+    bench.see_servo(ServoSeen { angle_rad, answered, ..ServoSeen::default() });
     bench.tick();
 }
 
@@ -101,7 +101,7 @@ fn no_flash_is_written_before_a_servo_has_its_order_to_hold() {
         bench.pass_ms(5);
         if answers {
             let answered = Some(Micros(bench.clock.0.get()));
-            bench.shared.see_servo(0, ServoSeen { answered, ..ServoSeen::default() });
+            bench.see_servo(ServoSeen { answered, ..ServoSeen::default() });
             bench.tick();
         }
         let before_us = bench.clock.0.get();

@@ -11,13 +11,14 @@ use super::fakes::{profile, profile_image, run, table};
 use super::{Bench, LINK, loaded};
 use crate::app::serve;
 use crate::pipe::{Pipe, PipeReader, PipeWriter};
+use crate::port::QUEUE;
 
 const STOPPED: Result<Answer, Refusal> = Err(Refusal::Command(CommandError::Stopped));
 
 /// Serves the console for so long; `each` is called in every millisecond with what has passed, to type and to read as much
 /// as a line of 115 200 baud brings.
 fn serve_for(bench: &Bench, millis: u64, mut each: impl FnMut(u64, &Pipe<1024>, &str)) {
-    let (input, output) = (Pipe::<1024>::new(), Pipe::<128>::new());
+    let (input, output) = (Pipe::<1024>::new(), Pipe::<QUEUE>::new());
     let mut dispatcher = bench.dispatcher.borrow_mut();
     let (mut reader, mut writer) = (PipeReader(&input), PipeWriter(&output));
     let begun = bench.clock.0.get();
@@ -275,4 +276,65 @@ fn a_stop_of_the_messages_ends_the_connection_as_every_other_stop() {
     assert_eq!(bench.ask_as(LINK, 1000, Request::Command(Command::Stop)), Some(Ok(Answer::Done)));
     let coil = Request::Command(Command::Coil { coil: 0, on_ms: 20 });
     assert_eq!(bench.ask_as(LINK, 1001, coil), Some(STOPPED));
+}
+
+/// What waits behind the port of a board leaves at 11.5 bytes a millisecond.
+#[test]
+fn a_typed_stop_is_answered_within_20_ms_behind_what_waits() {
+    let mut late = Vec::new();
+    for (busy, typed_ms) in [("help", 1), ("help", 2), ("limits", 20), ("log", 20), ("profile", 20)] {
+        let bench = loaded();
+        bench.command(Command::Play).unwrap();
+        bench.pass_ms(150);
+        let (input, output) = (Pipe::<1024>::new(), Pipe::<QUEUE>::new());
+        let mut dispatcher = bench.dispatcher.borrow_mut();
+        let (mut reader, mut writer) = (PipeReader(&input), PipeWriter(&output));
+        let begun = bench.clock.0.get();
+        let passed_ms = || (bench.clock.0.get() - begun) / 1000;
+        let over = async {
+            while passed_ms() < 300 {
+                yield_now().await;
+            }
+        };
+        let (mut said, mut answered) = (String::new(), None);
+        run(select(serve(dispatcher.as_mut().unwrap(), &mut reader, &mut writer), over), || {
+            bench.tick();
+            said.extend(core::iter::from_fn(|| output.pop()).take(11).map(char::from));
+            let ms = passed_ms();
+            if ms == 1 {
+                input.push_slice(format!("{busy}\r").as_bytes());
+            }
+            if ms == typed_ms + 1 {
+                input.push_slice(b"stop\r");
+            }
+            if said.ends_with("ok\r\n") {
+                answered.get_or_insert(ms - typed_ms - 1);
+            }
+        });
+        late.push((busy, typed_ms, answered));
+    }
+    assert!(late.iter().all(|(.., ms)| ms.is_some_and(|ms| ms <= 20)), "answered after ms: {late:?}");
+}
+
+/// What a program requested before it may wait on the line until the button is released.
+#[test]
+fn the_emergency_stop_ends_every_connection() {
+    use super::fakes::{Cells, table_under};
+    use darm_core::profile::{EmergencyStop, Profile};
+    let stops = Profile { emergency_stop: Some(EmergencyStop { input: 12, opens: false }), ..profile() };
+    let stops = Profile { digest: profile_image(&stops).0.digest, ..stops };
+    let bench = Bench::new(Cells::under(&stops));
+    bench.connect();
+    assert_eq!(bench.upload(&table_under(&stops, 1, 4, false, &[])), Ok(Answer::Committed { rows: 4 }));
+    bench.command(Command::Coil { coil: 0, on_ms: 400 }).unwrap();
+    bench.pass_ms(20);
+    assert_eq!(bench.outputs.get().lines, 1);
+    bench.stuck.set(Some(1 << 12 | 1));
+    bench.pass_ms(20);
+    assert_eq!(bench.outputs.get().lines, 0);
+    bench.stuck.set(None);
+    bench.pass_ms(20);
+    let late = [Command::Clear, Command::Coil { coil: 0, on_ms: 400 }].map(|command| bench.command(command));
+    bench.pass_ms(5);
+    assert_eq!((bench.outputs.get().lines, &late[1]), (0, &STOPPED), "Clear: {:?}", late[0]);
 }

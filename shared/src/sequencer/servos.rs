@@ -84,9 +84,13 @@ impl Sequencer<'_> {
         }
     }
 
-    /// Refuses to drive anything while a servo that has answered before is silent.
+    /// Refuses to drive anything while a servo is silent, or has been so since the start: it may bear the arm by what it was ordered
+    /// before.
     pub(super) fn check_servos_answer(&self) -> Result<(), CommandError> {
-        match self.joints().zip(&self.answered).position(|(joint, answered)| is_silent(self.now, joint, *answered)) {
+        let is_unheard = |(joint, answered): (&ServoWiring, &Option<Micros>)| {
+            answered.is_none() || is_silent(self.now, joint, *answered)
+        };
+        match self.joints().zip(&self.answered).position(is_unheard) {
             Some(index) => Err(CommandError::ServoSilent { servo: index as u8 }),
             None => Ok(()),
         }

@@ -1,6 +1,7 @@
 //! The two ports of the board: the console on USART1 and the servo bus on USART2, with their pins and interrupts.
 use cortex_m::peripheral::NVIC;
 use darm_core::wire::frame::MAX_FRAME;
+use darm_firmware::port::QUEUE;
 use embedded_io_async::{Read, Write};
 use stm32_metapac::gpio::vals::{Ot, Pupdr};
 use stm32_metapac::{Interrupt, USART1, USART2, interrupt};
@@ -15,7 +16,7 @@ use crate::usart::{Line, Port, Reception};
 const AF_USART: u8 = 7;
 
 /// USART1, the console: receives the three frames that a host sends ahead in an upload, a stop frame and a line.
-pub static CONSOLE: Port<{ 4 * MAX_FRAME + 128 }, 512> = Port::new(USART1, Channel::Usart1);
+pub static CONSOLE: Port<{ 4 * MAX_FRAME + 128 }, QUEUE> = Port::new(USART1, Channel::Usart1);
 /// USART2, the servo bus: one packet at a time, of 16 bytes at most, its echo, and what of a late answer may precede it.
 pub static SERVOS: Port<128, 64> = Port::new(USART2, Channel::Usart2);
 

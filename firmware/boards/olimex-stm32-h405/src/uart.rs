@@ -7,6 +7,7 @@ use core::convert::Infallible;
 use cortex_m::peripheral::NVIC;
 use darm_core::wire::frame::MAX_FRAME;
 use darm_firmware::pipe::Pipe;
+use darm_firmware::port::QUEUE;
 use embedded_io_async::{ErrorType, Read, Write};
 use stm32_metapac::usart::Usart;
 use stm32_metapac::{Interrupt, USART1, USART2, interrupt};
@@ -17,7 +18,7 @@ use crate::time::HCLK_HZ;
 struct Port<const RX: usize> {
     registers: Usart,
     received: Pipe<RX>,
-    waiting: Pipe<256>,
+    waiting: Pipe<QUEUE>,
 }
 
 /// The console: receives the three frames that a host sends ahead in an upload, a stop frame and a line.

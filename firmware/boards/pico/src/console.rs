@@ -8,6 +8,7 @@ use core::ops::Range;
 
 use darm_firmware::hardware::Hardware as _;
 use darm_firmware::pipe::Pipe;
+use darm_firmware::port::QUEUE;
 use embassy_futures::select::{Either, select};
 use embassy_futures::yield_now;
 use embassy_rp::peripherals::USB;
@@ -36,7 +37,7 @@ const FETCHED: Duration = Duration::from_millis(5);
 const VENDOR_PRODUCT: (u16, u16) = (0x1209, 0x0001);
 
 /// What the console says, on its way to the cable: two packets.
-static SAID: Pipe<128> = Pipe::new();
+static SAID: Pipe<QUEUE> = Pipe::new();
 /// Somebody waits until the host has all of it, and it has.
 static FLUSH: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 static FLUSHED: Signal<CriticalSectionRawMutex, ()> = Signal::new();

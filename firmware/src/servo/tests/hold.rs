@@ -544,7 +544,9 @@ fn a_servo_that_comes_back_without_torque_may_have_been_moved() {
             bus.visit_all(&shared).await;
         }
         fake.mute.set(true);
-        bus.visit_all(&shared).await;
+        for _ in 0..2 {
+            bus.visit_all(&shared).await;
+        }
         fake.mute.set(false);
         fake.out.borrow_mut().clear();
         fake.registers.borrow_mut()[40] = 0;
@@ -710,4 +712,60 @@ fn a_target_that_a_servo_has_not_taken_entirely_is_written_again() {
         };
         run(visits, || clock.0.set(clock.0.get() + 100));
     }
+}
+
+/// What the bus finds in visits each 10 ms; in those for which `is_mute` the servo does not answer.
+fn breaches_in_visits(
+    action: Option<Joint>,
+    visits: u16,
+    is_mute: impl Fn(u16) -> bool,
+    advance: impl Fn(u16, &Fake) -> u16,
+) -> Vec<Option<ServoBreach>> {
+    let (fake, shared, clock) = (Fake::new(), Shared::new(), HandClock::default());
+    fake.registers.borrow_mut()[40] = 1;
+    shared.set_joints([action, None, None, None]);
+    let mut bus = Bus::new(&fake, &fake, &clock);
+    let mut found = Vec::new();
+    let visits = async {
+        for visit in 0..visits {
+            let at = advance(visit, &fake);
+            stand_at(&fake, at);
+            fake.mute.set(is_mute(visit));
+            bus.visit_all(&shared).await;
+            found.push(shared.servo_breaches()[0]);
+            clock.0.set(clock.0.get() + CYCLE.0);
+        }
+    };
+    run(visits, || clock.0.set(clock.0.get() + 100));
+    found
+}
+
+/// On a worn cable each second visit has no answer: no time-out is reached.
+#[test]
+fn a_servo_that_answers_each_second_visit_is_watched_too() {
+    let hold = doing(ServoAction::Hold);
+    let every_second = |visit: u16| visit % 2 == 1;
+    let outside = breaches_in_visits(hold, 400, every_second, |_, _| steps(1.0) + 200);
+    let pushed = breaches_in_visits(hold, 400, every_second, |visit, _| 2000 + visit.saturating_sub(60).min(300));
+    let found = [outside, pushed].map(|found| found.into_iter().flatten().next());
+    assert!(found.iter().all(Option::is_some), "out of range, pushed by 0.46 rad: {found:?}");
+}
+
+#[test]
+fn a_servo_that_loses_its_torque_and_one_answer_and_sinks_has_moved() {
+    let sink = |lost: u16| {
+        breaches_in_visits(
+            doing(ServoAction::Hold),
+            400,
+            move |visit| visit == lost,
+            |visit, fake| {
+                if visit == 60 {
+                    fake.registers.borrow_mut()[40] = 0;
+                }
+                2000 - visit.saturating_sub(70).min(300)
+            },
+        )
+    };
+    assert!(sink(1_000).contains(&Some(ServoBreach::Moved)), "without a lost answer");
+    assert!(sink(65).contains(&Some(ServoBreach::Moved)), "the answer of one visit was lost");
 }

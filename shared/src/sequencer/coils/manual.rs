@@ -107,7 +107,8 @@ impl Coils<'_> {
                 self.ask(self.with_coil(bit, false));
             }
         }
-        if self.set_all(now, now, self.on ^ self.target | self.unknown & self.asked)? {
+        // A stop leaves latches as they are: no command for another coil resets them.
+        if self.set_all(now, now, (self.on ^ self.target | self.unknown) & self.asked)? {
             self.word = self.wanted;
         } else {
             // The supply has not fed all of the word: each actuator is as its coils are.

@@ -76,6 +76,22 @@ fn a_manual_coil_is_on_for_its_time_however_long_the_supply_lets_it_wait() {
     assert_eq!(on_ms, 2);
 }
 
+/// A stop leaves latches as they are.
+#[test]
+fn a_coil_by_hand_after_a_stop_moves_no_other_actuator() {
+    let latch = coil(0, Drive::Latch { set: 0, reset: 1, pulse_ms: 5 });
+    let valve = coil(1, Drive::Hold { line: 2 });
+    let quiet = Record::Actuator(ActuatorWiring { states: 2, switch: None, travel_ms: 10 });
+    for (command, lines) in [(Command::Coil { coil: 1, on_ms: 20 }, 0b100), (Command::Coil { coil: 1, on_ms: 0 }, 0)] {
+        let mut bench = Bench::new(&[start(), latch.clone(), valve.clone(), quiet.clone(), quiet.clone(), end(90)]);
+        bench.command(Command::Word(word("10"))).unwrap();
+        bench.run(20).command(Command::Stop).unwrap();
+        bench.run(20).command(command).unwrap();
+        let seen = (0..40).fold(0, |seen, _| seen | bench.run(1).outputs.lines);
+        assert_eq!(seen, lines, "{command:?}: line 1 resets the latch");
+    }
+}
+
 #[test]
 fn a_pulse_that_is_cut_leaves_its_latch_unknown() {
     let latch = coil(0, Drive::Latch { set: 0, reset: 1, pulse_ms: 20 });
