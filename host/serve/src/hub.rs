@@ -15,7 +15,7 @@ use crate::board_port::Stopper;
 use crate::control::{Control, ControlError};
 use crate::history::History;
 use crate::measured::Measured;
-use crate::order::{Order, PATIENCE, Task};
+use crate::order::{Order, Task};
 use crate::picture::Picture;
 use crate::program::Program;
 use crate::refusal::{Kind, Refused};
@@ -188,7 +188,7 @@ impl Hub {
         let stops = self.stops();
         self.control(|control, now| control.check(now, key))?;
         let (answer, answered) = oneshot::channel();
-        let order = Order { task, key, stops, until: Instant::now() + PATIENCE, answer };
+        let order = Order { task, key, stops, made: Instant::now(), answer };
         self.orders.send(order).map_err(|_| Refused::new(Kind::Link, "the server is ending"))?;
         Ok(answered)
     }

@@ -35,8 +35,8 @@ pub struct Order {
     pub key: u64,
     /// Number of stops when the page ordered it.
     pub stops: u64,
-    /// When it is given up.
-    pub until: Instant,
+    /// When the page ordered it.
+    pub made: Instant,
     /// Where the result goes.
     pub answer: oneshot::Sender<Result<(), Refused>>,
 }

@@ -16,7 +16,7 @@ use darm_device::link::LinkError;
 use crate::board_port::Opener;
 use crate::history::TableEntry;
 use crate::hub::Hub;
-use crate::order::{Order, Task};
+use crate::order::{Order, PATIENCE, Task};
 use crate::program::Program;
 use crate::refusal::{Kind, Refused};
 use crate::unix_time;
@@ -36,11 +36,14 @@ pub(crate) struct Watcher {
     /// Number of stops before the connection was opened: after another one the board takes no command from it. `None` where
     /// the board has ended it for another reason.
     stops_at_hello: Option<u64>,
+    /// When a connection was opened that no stop of a page had ended, but the board, or whoever stopped it: what was ordered before that
+    /// is not sent.
+    opened: Instant,
 }
 
 impl Watcher {
     pub(crate) fn new(hub: Arc<Hub>, open: Opener, orders: Receiver<Order>) -> Self {
-        Self { hub, open, orders, stops_at_hello: None }
+        Self { hub, open, orders, stops_at_hello: None, opened: Instant::now() }
     }
 
     /// Runs until the server ends.
@@ -60,7 +63,7 @@ impl Watcher {
         let (link, handle) = (self.open)()?;
         self.hub.set_open(link.name(), handle);
         let client = Client::connect(link)?;
-        self.stops_at_hello = Some(stops);
+        (self.stops_at_hello, self.opened) = (Some(stops), Instant::now());
         Ok(client)
     }
 
@@ -86,6 +89,8 @@ impl Watcher {
                 self.execute(client, order);
             }
             if self.hub.has_ended() {
+                // As when the page in control goes away: nobody is left who would switch it off.
+                self.hub.stop_by_hand();
                 return LinkError::Closed { port: client.port().to_owned() }.into();
             }
         }
@@ -123,11 +128,11 @@ impl Watcher {
         if self.stops_at_hello != Some(self.hub.stops()) {
             self.say_hello(client)?;
         }
-        if order.stops != self.hub.stops() {
+        if order.stops != self.hub.stops() || order.made < self.opened {
             return Err(Refused::new(Kind::Stopped, "a stop came meanwhile; nothing was sent"));
         }
         self.hub.control(|control, now| control.check(now, order.key))?;
-        if Instant::now() > order.until {
+        if order.made.elapsed() > PATIENCE {
             return Err(Refused::new(Kind::Link, "the board did not answer in time; nothing was sent"));
         }
         Ok(())
@@ -135,8 +140,12 @@ impl Watcher {
 
     fn say_hello(&mut self, client: &mut Client) -> Result<(), ClientError> {
         let stops = self.hub.stops();
+        let is_own_stop = self.stops_at_hello.is_some_and(|at_hello| at_hello != stops);
         client.say_hello()?;
         self.stops_at_hello = Some(stops);
+        if !is_own_stop {
+            self.opened = Instant::now();
+        }
         Ok(())
     }
 
@@ -171,7 +180,7 @@ impl Watcher {
         });
         self.hub.set_upload(None);
         // The answer to hello names the table that the board has now.
-        uploaded.and_then(|_| self.say_hello(client)).map_err(|error| self.refused(error))?;
+        uploaded.and_then(|_| client.renew_hello()).map_err(|error| self.refused(error))?;
         self.record(client, program, file);
         Ok(())
     }

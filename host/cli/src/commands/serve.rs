@@ -29,8 +29,9 @@ Examples:
   darm serve arm.toml --listen 127.0.0.1:0     # at a free port
   darm serve                                   # without a picture
 
-Open the printed address in a browser. Ctrl-C ends the server; a program on the board continues, `darm stop` stops it. Stop \
-and the space bar stop the arm on every page; a page moves the arm only after \"Take control\", one page at a time.
+Open the printed address in a browser. Ctrl-C ends the server and stops what a page has switched by hand; a program on the board \
+continues, `darm stop` stops it. Stop and the space bar stop the arm on every page; a page moves the arm only after \
+\"Take control\", one page at a time.
 
 Only this computer can open the pages. --listen 0.0.0.0:8420 opens them to the network, over plain HTTP, and needs a \
 token: a secret of at least 16 letters and digits in DARM_TOKEN. A tunnel (ssh -L 8420:127.0.0.1:8420) is safer.";

@@ -115,6 +115,22 @@ impl Client {
         }
     }
 
+    /// What the board says of itself now, on the connection that is open.
+    ///
+    /// # Errors
+    ///
+    /// [`Refusal::NotConnected`]: the connection has ended, as by a stop; it is not opened again. Or as [`connect`](Self::connect).
+    pub fn renew_hello(&mut self) -> Result<(), ClientError> {
+        // With this challenge the board opens no connection.
+        match self.exchange.ask(&question::hello(0)) {
+            Err(ClientError::Refused(Refusal::Challenge { .. })) => Err(ClientError::Refused(Refusal::NotConnected)),
+            hello => {
+                self.hello = Some(hello?);
+                Ok(())
+            }
+        }
+    }
+
     /// Closes the port, so that it can be opened again for [`Client::replug`]; until then every request fails.
     pub fn unplug(&mut self) {
         let name = self.port().to_owned();

@@ -36,6 +36,8 @@ pub(crate) struct Bench {
     pub(crate) wired: WiredArm,
     server: Server,
     is_plugged: Arc<AtomicBool>,
+    /// The cable takes no bytes: what the server has to send waits.
+    pub(crate) is_held: Arc<AtomicBool>,
     _folder: tempfile::TempDir,
 }
 
@@ -56,8 +58,13 @@ impl Bench {
         let board = InProcess::boot(Plant::new(&wired.wiring, &[]), flash).unwrap();
         let is_plugged = Arc::new(AtomicBool::new(true));
         let (plug, plugged) = (board.clone(), Arc::clone(&is_plugged));
+        let is_held = Arc::new(AtomicBool::new(false));
+        let held = Arc::clone(&is_held);
         let open = move || match plugged.load(Ordering::SeqCst) {
-            true => Ok(hold(Box::new(Cable { link: plug.link(), is_plugged: Arc::clone(&plugged) }), None)),
+            true => Ok(hold(
+                Box::new(Cable { link: plug.link(), is_plugged: Arc::clone(&plugged), is_held: Arc::clone(&held) }),
+                None,
+            )),
             false => Err(LinkError::Missing { port: "in-process".into() }),
         };
         let port = BoardPort { open: Box::new(open), stop: Box::new(|| stop_at("in-process", None)) };
@@ -71,11 +78,17 @@ impl Bench {
             poses,
             history: Some(History::open(&folder.path().join("history.sqlite3")).unwrap()),
         });
-        Self { board, wired, server: server.unwrap(), is_plugged, _folder: folder }
+        Self { board, wired, server: server.unwrap(), is_plugged, is_held, _folder: folder }
     }
 
     pub(crate) fn address(&self) -> SocketAddr {
         self.server.address()
+    }
+
+    /// Ends the server, as Ctrl-C does; the board.
+    pub(crate) fn end(self) -> InProcess {
+        drop(self.server);
+        self.board
     }
 
     /// Pulls the cable, or plugs it in again.
@@ -230,6 +243,7 @@ impl<'a> Page<'a> {
 struct Cable {
     link: Box<dyn darm_device::link::Link>,
     is_plugged: Arc<AtomicBool>,
+    is_held: Arc<AtomicBool>,
 }
 
 impl Cable {
@@ -243,6 +257,9 @@ impl Cable {
 
 impl darm_device::link::Link for Cable {
     fn send(&mut self, bytes: &[u8]) -> Result<(), LinkError> {
+        while self.is_held.load(Ordering::SeqCst) {
+            thread::sleep(Duration::from_millis(1));
+        }
         self.check()?;
         self.link.send(bytes)
     }

@@ -165,3 +165,47 @@ fn a_program_continues_without_the_page_that_started_it() {
     assert!(bench.phase("playing")["control"].is_null());
     assert_ne!(bench.pins().0, 0);
 }
+
+/// The server opens a connection again by itself after a stop that is not its own, typed or of `darm stop`.
+#[test]
+fn nothing_that_a_page_ordered_before_a_stop_of_somebody_else_acts_after_it() {
+    use std::sync::atomic::Ordering;
+    let bench = Bench::start("planar4.toml");
+    bench.phase("idle");
+    let page = bench.page_in_control();
+    page.upload(&bench.table(&["000010000000"], 20.0));
+    bench.board.pass(2.0);
+    bench.phase("idle");
+    bench.is_held.store(true, Ordering::SeqCst);
+    thread::sleep(Duration::from_millis(100));
+    let word = json!({"do": "word", "word": "000010000000"});
+    let answers = thread::scope(|scope| {
+        let orders: Vec<_> = (0..2).map(|_| scope.spawn(|| page.command(&word))).collect();
+        thread::sleep(Duration::from_millis(300));
+        // Somebody types a stop at the board.
+        bench.board.with_board(|board| board.send(b"stop\r")).unwrap();
+        bench.board.pass(0.05);
+        bench.is_held.store(false, Ordering::SeqCst);
+        orders
+            .into_iter()
+            .map(|order| order.join().unwrap())
+            .map(|a| (a.status, a.json().to_string()))
+            .collect::<Vec<_>>()
+    });
+    bench.board.pass(0.05);
+    assert_eq!(bench.pins().0, 0, "{answers:?}");
+}
+
+#[test]
+fn a_server_that_ends_leaves_no_output_on_that_a_page_switched_by_hand() {
+    let bench = Bench::start("planar4.toml");
+    bench.phase("idle");
+    let page = bench.page_in_control();
+    page.upload(&bench.table(&["000010000000"], 20.0));
+    assert_eq!(page.command(&json!({"do": "word", "word": "000010000000"})).status, 200);
+    bench.phase("manual");
+    let board = bench.end();
+    board.pass(3.0);
+    let lines = board.with_board(|board| board.plant().lines()).unwrap();
+    assert_eq!(lines, 0, "3 s after the end of the server");
+}
