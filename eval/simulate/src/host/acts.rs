@@ -340,6 +340,10 @@ impl Host<'_> {
         world::pass(SETTLE_MS);
         if form == StopForm::Input {
             world::with(|world| world.press_emergency_stop(false));
+            world::pass(STOP_MS);
+            if let Some(link) = link {
+                world::with(|world| world.send_commands_of_before(link, seed, began_ns));
+            }
             world::pass(SETTLE_MS);
             self.events();
             self.command("clear", Command::Clear);

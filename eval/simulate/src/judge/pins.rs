@@ -93,6 +93,11 @@ impl Pins {
         self.rises[usize::from(line) % 64]
     }
 
+    /// How often all lines but these have gone high.
+    pub fn rises_of_others(&self, lines: u64) -> u32 {
+        (0..64u8).filter(|line| lines >> line & 1 == 0).map(|line| self.rises(line)).sum()
+    }
+
     /// The longest time that a line was on, of those that have begun since then, ns.
     pub fn longest_on_ns(&self, now_ns: u64, line: u8, since_ns: u64) -> u64 {
         let index = usize::from(line) % 64;

@@ -33,6 +33,8 @@ pub struct Pulse {
     pub ending: Ending,
     /// How often the line went on since the command was first sent.
     pub rises: u32,
+    /// How often lines of other coils have.
+    pub others: u32,
     /// The longest time that the line was on since then, ns.
     pub on_ns: u64,
     /// The time for which it was commanded, and what a pulse may be late, ns.
@@ -135,7 +137,12 @@ impl Reports {
 
     /// A command with one pulse was sent.
     pub fn on_pulse(&mut self, now_ns: u64, pulse: Pulse) {
-        let Pulse { ending, rises, on_ns, allowed_ns, undisturbed } = pulse;
+        let Pulse { ending, rises, others, on_ns, allowed_ns, undisturbed } = pulse;
+        if others > 0 {
+            self.verdict.note(JUDGE, "other-lines", now_ns, || {
+                format!("a command for one output let lines of others go high, {others} times")
+            });
+        }
         if on_ns > allowed_ns {
             self.verdict.note(JUDGE, "pulse-length", now_ns, || {
                 let [on_ms, allowed_ms] = [on_ns, allowed_ns].map(|ns| ns / 1_000_000);
@@ -313,7 +320,7 @@ mod tests {
     fn a_confirmed_command_acts_once() {
         let rule = |ending, rises, undisturbed| {
             let mut judge = judge();
-            judge.on_pulse(0, Pulse { ending, rises, on_ns: 33, allowed_ns: 33, undisturbed });
+            judge.on_pulse(0, Pulse { ending, rises, others: 0, on_ns: 33, allowed_ns: 33, undisturbed });
             judge.finish().firsts().first().map(|(first, _)| first.rule)
         };
         assert_eq!(rule(Ending::Done, 1, true), None);
@@ -328,8 +335,16 @@ mod tests {
     fn a_command_that_acts_for_too_long_is_seen_however_it_ended() {
         for ending in [Ending::Done, Ending::Unknown] {
             let mut judge = judge();
-            judge.on_pulse(0, Pulse { ending, rises: 1, on_ns: 34, allowed_ns: 33, undisturbed: false });
+            judge.on_pulse(0, Pulse { ending, rises: 1, others: 0, on_ns: 34, allowed_ns: 33, undisturbed: false });
             assert!(judge.finish().has("pulse-length"), "{ending:?}");
         }
+    }
+
+    #[test]
+    fn a_command_that_lets_lines_of_other_outputs_go_high_is_seen() {
+        let mut judge = judge();
+        let ending = Ending::Done;
+        judge.on_pulse(0, Pulse { ending, rises: 1, others: 1, on_ns: 33, allowed_ns: 33, undisturbed: false });
+        assert!(judge.finish().has("other-lines"));
     }
 }

@@ -65,6 +65,8 @@ pub struct Pulsed {
     began_ns: u64,
     sent_ns: u64,
     rises: u32,
+    /// Of all lines that are not the coil's.
+    rises_of_others: u32,
     has_supply: bool,
 }
 
@@ -113,12 +115,17 @@ impl World {
         let sent_ns = self.now_ns();
         let line = self.arm.pulsed_line(coil).filter(|_| self.pins.high() == 0)?;
         let (rises, has_supply) = (self.pins.rises(line), self.pins.has_supply(sent_ns, 1));
-        Some(Pulsed { coil, line, began_ns, sent_ns, rises, has_supply })
+        let rises_of_others = self.pins.rises_of_others(self.lines_of(coil));
+        Some(Pulsed { coil, line, began_ns, sent_ns, rises, rises_of_others, has_supply })
+    }
+
+    fn lines_of(&self, coil: u8) -> u64 {
+        self.arm.coil_lines(coil).fold(0, |lines, line| lines | 1 << line)
     }
 
     /// The pulse is over, whatever came of it: what its lines did, if nobody else has acted since.
     pub fn judge_pulse(&mut self, party: Party, pulsed: Pulsed, ending: Ending) {
-        let Pulsed { coil, line, began_ns, sent_ns, rises, has_supply } = pulsed;
+        let Pulsed { coil, line, began_ns, sent_ns, rises, rises_of_others, has_supply } = pulsed;
         if self.has_other_acted_since(party, began_ns) {
             return;
         }
@@ -129,12 +136,13 @@ impl World {
         let has_supply = has_supply && self.has_supply_alone(party, began_ns);
         let undisturbed = has_supply && self.is_undisturbed_since(began_ns);
         let rises = self.pins.rises(line) - rises;
-        self.reports.on_pulse(now_ns, Pulse { ending, rises, on_ns, allowed_ns, undisturbed });
+        let others = self.pins.rises_of_others(self.lines_of(coil)) - rises_of_others;
+        self.reports.on_pulse(now_ns, Pulse { ending, rises, others, on_ns, allowed_ns, undisturbed });
     }
 
     /// A coil was switched off by hand before its time was over, which was confirmed a few ticks ago.
     pub fn judge_off(&mut self, party: Party, pulsed: Pulsed) {
-        let lines = self.arm.coil_lines(pulsed.coil).fold(0, |lines, line| lines | 1 << line) & self.pins.high();
+        let lines = self.lines_of(pulsed.coil) & self.pins.high();
         if !self.has_other_acted_since(party, pulsed.began_ns) {
             self.reports.on_pulses_over(self.now_ns(), lines);
         }
