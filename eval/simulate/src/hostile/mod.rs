@@ -118,6 +118,8 @@ pub fn commands_of_before(rng: &mut ChaCha8Rng, link: u32, challenge: u64, arm: 
         Request::Command(Command::Play),
     ];
     requests.shuffle(rng);
+    // Without it an emergency stop would refuse the others for being latched.
+    requests.insert(0, Request::Command(Command::Clear));
     requests.insert(rng.random_range(0..=1), Request::Hello { protocol: PROTOCOL, challenge });
     let frames = requests.iter().map(|asked| {
         number = number.wrapping_add(1);
