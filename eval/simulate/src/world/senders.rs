@@ -299,7 +299,7 @@ impl World {
         if party == Party::Hostile {
             return;
         }
-        if header.link != 0 {
+        if header.link != 0 && party == Party::First {
             self.host_link = header.link;
         }
         if let Some(Request::Commit(image)) = request
