@@ -175,6 +175,7 @@ impl<'s> Host<'s> {
                         judge_fault_in_program(world, &fault, started_ns);
                     }
                     Event::Started => world.judge_program(started_ns, timed.at),
+                    Event::Finished => world.judge_end(started_ns, timed.at),
                     Event::Row { row, word } => world.reports.on_row(world.now_ns(), row, &word.to_string()),
                     _ => {}
                 });

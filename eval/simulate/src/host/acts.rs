@@ -51,6 +51,11 @@ const STOP_MS: u64 = 6;
 /// Two visits of the servos, and their answers.
 const VISITS_MS: u64 = 30;
 
+/// Zero offsets by that of the first servo, each another one: none is taken for another's unseen.
+pub(super) fn offsets(first_rad: f32) -> Option<Calibration> {
+    Calibration::try_from([1.0, -0.5, 0.25, -1.0].map(|share| share * first_rad)).ok()
+}
+
 impl Host<'_> {
     /// Turns a servo that has not answered since the board started: whatever the board says, it is not driven.
     pub(super) fn turn_unseen(&mut self, servo: u8) {
@@ -125,8 +130,8 @@ impl Host<'_> {
     }
 
     /// Sets the zero offsets of all servos; whether that was confirmed.
-    pub(super) fn set_offsets(&mut self, offset_rad: f32) -> bool {
-        let (Ok(calibration), Some(client)) = (Calibration::try_from([offset_rad; 4]), self.client()) else {
+    pub(super) fn set_offsets(&mut self, first_rad: f32) -> bool {
+        let (Some(calibration), Some(client)) = (offsets(first_rad), self.client()) else {
             return false;
         };
         let result = client.calibrate(calibration);
@@ -342,7 +347,8 @@ impl Host<'_> {
             world::with(|world| world.press_emergency_stop(false));
             world::pass(STOP_MS);
             if let Some(link) = link {
-                world::with(|world| world.send_commands_of_before(link, seed, began_ns));
+                // Under other numbers: those of the first time would be copies.
+                world::with(|world| world.send_commands_of_before(link, !seed, began_ns));
             }
             world::pass(SETTLE_MS);
             self.events();

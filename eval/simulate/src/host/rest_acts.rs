@@ -3,12 +3,12 @@
 use darm_arm::board_profile::BoardProfile;
 use darm_core::sequencer::Command;
 use darm_core::wire::bootstrap::RebootTarget;
-use darm_core::wire::message::Calibration;
 use darm_sim::plant::servo_bus::ServoFaults;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
 use super::Host;
+use super::acts::offsets;
 use crate::answers::{PULSE_MS, SETTLE_MS};
 use crate::script::SupplyForm;
 use crate::words;
@@ -116,10 +116,10 @@ impl Host<'_> {
         if !self.set_offsets(-newest_rad) || !self.set_offsets(newest_rad) {
             return;
         }
-        let Ok(newest) = Calibration::try_from([newest_rad; 4]) else { return };
+        let Some(newest) = offsets(newest_rad) else { return };
         let is_lost = world::with(|world| {
             if !world.has_other_acted_since(Party::First, began_ns) {
-                world.servos.on_offset_confirmed(newest_rad);
+                world.servos.on_offsets_confirmed(newest.offsets_rad());
             }
             world.lose_offsets(&newest, seed >> 1)
         });

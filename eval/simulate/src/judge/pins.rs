@@ -106,6 +106,16 @@ impl Pins {
         spans.map(|(start, end)| end - start).max().unwrap_or(0)
     }
 
+    /// The lines that were on from before the one time until after the other, ns.
+    pub fn on_over(&self, from_ns: u64, to_ns: u64) -> u64 {
+        let is_over = |index: &usize| {
+            let present = (self.lines.high >> index & 1 == 1).then_some((self.since_ns[*index], u64::MAX));
+            let mut spans = self.spans[*index].iter().copied().chain(present);
+            spans.any(|(start, end)| start < from_ns && end > to_ns)
+        };
+        (0..64).filter(is_over).fold(0, |lines, index| lines | 1 << index)
+    }
+
     /// When the firmware started last, ns.
     pub fn started_ns(&self) -> u64 {
         self.started_ns

@@ -193,6 +193,12 @@ impl Reports {
         }
     }
 
+    /// Lines of a program stay on after the end that the board reports of it.
+    pub fn on_lines_after_end(&mut self, now_ns: u64, lines: u64) {
+        self.verdict
+            .note(JUDGE, "end-lines", now_ns, || format!("the lines {lines:#x} stay on after the end of a program"));
+    }
+
     /// Lines are on, this time after a stop that came in one piece with commands before it. Nobody has sent anything
     /// since.
     pub fn on_lines_after_burst(&mut self, now_ns: u64, after_ns: u64, lines: u64) {

@@ -5,6 +5,8 @@
 //! has ended, and neither a stop, a latched fault nor a start has come since. All else is rest: the shaft stays where it came to
 //! rest, whatever goal is written to hold it.
 
+use darm_core::output::MAX_SERVOS;
+
 use super::{Ceilings, ServoCeiling, Verdict};
 
 const JUDGE: &str = "pins";
@@ -156,8 +158,8 @@ pub struct Servos {
     changes: u64,
     /// Joint angles of tables, with the index of their servo, rad.
     tabled: Vec<(u8, f32)>,
-    /// Zero offsets that somebody has set, rad: what is added to a joint angle.
-    offsets_rad: Vec<f32>,
+    /// Zero offsets that somebody has set, rad: what is added to the joint angle of each servo.
+    offsets_rad: Vec<[f32; MAX_SERVOS]>,
     /// Since when the safe state is latched, as far as the judge knows by itself.
     latched_ns: Option<u64>,
     /// Since when no order was there after a start: what the profile says of the safe state holds then too.
@@ -181,7 +183,7 @@ impl Servos {
             orders: Vec::new(),
             changes: 0,
             tabled: Vec::new(),
-            offsets_rad: vec![0.0],
+            offsets_rad: vec![[0.0; MAX_SERVOS]],
             latched_ns: None,
             fallen_back_ns: Some(0),
             started_ns: 0,
@@ -200,17 +202,17 @@ impl Servos {
         }
     }
 
-    /// Somebody sets this zero offset, for whichever servo.
-    pub fn on_offset(&mut self, offset_rad: f32) {
-        if !self.offsets_rad.contains(&offset_rad) {
-            self.offsets_rad.push(offset_rad);
+    /// Somebody sets these zero offsets.
+    pub fn on_offsets(&mut self, offsets_rad: [f32; MAX_SERVOS]) {
+        if !self.offsets_rad.contains(&offsets_rad) {
+            self.offsets_rad.push(offsets_rad);
             self.changes += 1;
         }
     }
 
-    /// The board has confirmed this zero offset for all servos, which rest, and nobody else has set another one since it was requested.
-    pub fn on_offset_confirmed(&mut self, offset_rad: f32) {
-        self.offsets_rad = vec![offset_rad];
+    /// The board has confirmed these zero offsets of servos that rest, and nobody else has set others since they were requested.
+    pub fn on_offsets_confirmed(&mut self, offsets_rad: [f32; MAX_SERVOS]) {
+        self.offsets_rad = vec![offsets_rad];
         self.changes += 1;
     }
 
@@ -294,8 +296,8 @@ impl Servos {
     /// Whether an order in force explains this goal of the servo of this index.
     fn is_ordered(&self, index: usize, goal: f32) -> bool {
         let near = |angle_rad: &f32| {
-            let step = |offset: &f32| ((angle_rad + offset) * STEPS_PER_RAD + 2048.0).clamp(0.0, 4095.0);
-            self.offsets_rad.iter().any(|offset| (step(offset) - goal).abs() <= GOAL_STEPS)
+            let step = |offset: f32| ((angle_rad + offset) * STEPS_PER_RAD + 2048.0).clamp(0.0, 4095.0);
+            self.offsets_rad.iter().any(|offsets| (step(offsets[index]) - goal).abs() <= GOAL_STEPS)
         };
         self.orders.iter().any(|order| match order.wish {
             Wish::Angle(servo, angle_rad) => usize::from(servo) == index && near(&angle_rad),

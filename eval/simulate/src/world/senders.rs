@@ -70,6 +70,9 @@ pub struct Pulsed {
     has_supply: bool,
 }
 
+/// After the end of a program its lines go off within this time, ns: two ticks.
+const END_NS: u64 = 3_000_000;
+
 impl World {
     /// True if the hostile sender has sent something since then.
     pub fn is_hostile_since(&self, since_ns: u64) -> bool {
@@ -338,7 +341,7 @@ impl World {
                 self.servos.on_order(now_ns, Wish::Angle(servo, angle_rad));
             }
             Request::Calibrate(calibration) => {
-                calibration.offsets_rad().into_iter().for_each(|offset_rad| self.servos.on_offset(offset_rad));
+                self.servos.on_offsets(calibration.offsets_rad());
             }
             Request::Commit(image) => {
                 self.wear.on_commit();
@@ -356,6 +359,15 @@ impl World {
         let begun_ns = started_ns + self.pins.true_us_ns(at.0);
         if self.has_own_table && !self.has_other_acted_since(Party::First, begun_ns) {
             self.switches.on_started(self.now_ns(), begun_ns);
+        }
+    }
+
+    /// The board reports that a program of its start has ended at that time.
+    pub fn judge_end(&mut self, started_ns: u64, at: Micros) {
+        let ended_ns = started_ns + self.pins.true_us_ns(at.0);
+        let lines = self.pins.on_over(ended_ns, ended_ns + END_NS);
+        if lines != 0 {
+            self.reports.on_lines_after_end(self.now_ns(), lines);
         }
     }
 

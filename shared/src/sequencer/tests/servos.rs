@@ -109,7 +109,9 @@ fn the_safe_state_has_no_target() {
         let mut bench = Bench::with(&records, |profile| profile.servos[0].fallback = fallback);
         bench.follows = false;
         bench.servo(0.6).run(1).command(Command::Play).unwrap();
-        (0..31_000).for_each(|_| drop(bench.servo(0.6).run(1)));
+        for _ in 0..31_000 {
+            bench.servo(0.6).run(1);
+        }
         assert_eq!(bench.fault(), Some(FaultKind::ServoStalled { servo: 0 }));
         assert_eq!(bench.outputs.servos[0], action);
     }

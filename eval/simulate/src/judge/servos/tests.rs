@@ -381,12 +381,24 @@ fn a_damaged_request_excuses_nothing_after_its_time() {
 fn an_offset_that_was_replaced_explains_no_goal() {
     for (newest_rad, is_asked) in [(0.2, true), (-0.1, false)] {
         let mut judge = judge(false);
-        [0.2, newest_rad].into_iter().for_each(|rad| judge.on_offset(rad));
-        judge.on_offset_confirmed(newest_rad);
+        [0.2, newest_rad].into_iter().for_each(|rad| judge.on_offsets([rad; 4]));
+        judge.on_offsets_confirmed([newest_rad; 4]);
         judge.on_order(5 * MS, Wish::Angle(0, 0.3));
         let goal = 2048.0 + 0.5 * super::STEPS_PER_RAD;
         judge.look(6 * MS, true, [Joint { goal, ..REST }].into_iter());
         assert_eq!(broken(judge).is_empty(), is_asked, "{newest_rad}");
+    }
+}
+
+#[test]
+fn the_offset_of_another_servo_explains_no_goal() {
+    for (offsets_rad, is_asked) in [([0.2, 0.0, 0.0, 0.0], true), ([0.0, 0.2, 0.2, 0.2], false)] {
+        let mut judge = judge(false);
+        judge.on_offsets_confirmed(offsets_rad);
+        judge.on_order(5 * MS, Wish::Angle(0, 0.3));
+        let goal = 2048.0 + 0.5 * super::STEPS_PER_RAD;
+        judge.look(6 * MS, true, [Joint { goal, ..REST }].into_iter());
+        assert_eq!(broken(judge).is_empty(), is_asked, "{offsets_rad:?}");
     }
 }
 
