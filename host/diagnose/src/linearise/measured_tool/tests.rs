@@ -74,7 +74,9 @@ fn a_joint_that_jumps_has_no_smooth_error() {
         assert_eq!((found.verdict, found.effects.len()), (Verdict::UnexplainedStructure, 0), "{:?}", found.plain);
         let jump = &found.remaining.depends_on[0];
         assert_eq!((&*jump.variable, jump.shape), ("position of joint 4", Shape::Step), "{:?}", found.plain);
-        assert!(jump.share > 0.9, "{jump:?}");
+        // At a place 3.75° beside the true one 2 % of the rows are off by twice the jump, 9 % of the squares; noise has 16 % of those of
+        // the smaller one.
+        assert!(jump.share > 0.75, "{jump:?}");
     }
 }
 
