@@ -150,6 +150,8 @@ impl Bringup<'_> {
 
     fn clear(&mut self) -> Result<(), End> {
         if matches!(self.client.status()?.phase, Phase::Safe(_)) {
+            // The emergency stop has ended the connection.
+            self.client.say_hello()?;
             self.client.command(Command::Clear)?;
         }
         Ok(())

@@ -194,6 +194,8 @@ fn press_and_write(follower: &Follower, port: &str, profile: &BoardProfile) -> a
 fn clear(client: &mut Client) -> anyhow::Result<()> {
     let since = Instant::now();
     while matches!(client.status()?.phase, Phase::Safe(_)) {
+        // The emergency stop has ended the connection.
+        client.say_hello()?;
         if client.command(Command::Clear).is_ok() || since.elapsed() > CLEARED_WITHIN {
             break;
         }
