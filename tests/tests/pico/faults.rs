@@ -50,8 +50,11 @@ fn an_emergency_stop_at_an_input_latches_the_safe_state_until_it_is_released() {
     bench.board.pass(0.003);
     assert_eq!(bench.lines(), 0);
     assert_eq!(fault_within(&bench, &mut client, 0.1), FaultKind::EmergencyStop);
-    let refused = client.command(Command::Clear).unwrap_err().refusal();
-    assert_eq!(refused, Some(Refusal::Command(CommandError::EmergencyStop)));
+    for refusal in [CommandError::Stopped, CommandError::EmergencyStop] {
+        let refused = client.command(Command::Clear).unwrap_err().refusal();
+        assert_eq!(refused, Some(Refusal::Command(refusal)), "it ends the connection");
+        client.say_hello().unwrap();
+    }
     bench.with(|board| board.set_input(12, false));
     bench.board.pass(0.1);
     client.command(Command::Clear).unwrap();
