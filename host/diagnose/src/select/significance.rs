@@ -79,8 +79,8 @@ pub struct LossReduction {
 /// The reduction from the residuals `before` to those `after`; `groups` has the word of each row.
 ///
 /// With Δ = before − after it is Σ w·(|Δ|² + 2·after·Δ); what of it is chance is the second part, whose terms are
-/// independent from word to word. A row far off by `after` has the weight w that a fit gives it. The [degrees of
-/// freedom](dof_of_groups) are those of v = Σ w·|Δ|² of each word.
+/// independent from word to word. A row far off by `after` has the weight w that a fit gives it. The degrees of
+/// freedom are those of v = Σ w·|Δ|² of each word.
 pub fn clustered_t_test(before: &[f64], after: &[f64], groups: &[usize]) -> LossReduction {
     let n_axes = after.len() / groups.len().max(1);
     let row_weights = weights(after, n_axes.max(1));
