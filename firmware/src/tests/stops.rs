@@ -286,28 +286,16 @@ fn a_typed_stop_is_answered_within_20_ms_behind_what_waits() {
         let bench = loaded();
         bench.command(Command::Play).unwrap();
         bench.pass_ms(150);
-        let (input, output) = (Pipe::<1024>::new(), Pipe::<QUEUE>::new());
-        let mut dispatcher = bench.dispatcher.borrow_mut();
-        let (mut reader, mut writer) = (PipeReader(&input), PipeWriter(&output));
-        let begun = bench.clock.0.get();
-        let passed_ms = || (bench.clock.0.get() - begun) / 1000;
-        let over = async {
-            while passed_ms() < 300 {
-                yield_now().await;
-            }
-        };
-        let (mut said, mut answered) = (String::new(), None);
-        run(select(serve(dispatcher.as_mut().unwrap(), &mut reader, &mut writer), over), || {
-            bench.tick();
-            said.extend(core::iter::from_fn(|| output.pop()).take(11).map(char::from));
-            let ms = passed_ms();
+        let (mut all, mut answered) = (String::new(), None);
+        serve_for(&bench, 300, |ms, input, said| {
+            all.push_str(said);
             if ms == 1 {
                 input.push_slice(format!("{busy}\r").as_bytes());
             }
             if ms == typed_ms + 1 {
                 input.push_slice(b"stop\r");
             }
-            if said.ends_with("ok\r\n") {
+            if all.ends_with("ok\r\n") {
                 answered.get_or_insert(ms - typed_ms - 1);
             }
         });

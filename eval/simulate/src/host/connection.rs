@@ -47,7 +47,10 @@ impl Link for Counted {
 impl Host<'_> {
     pub(super) fn command(&mut self, name: &'static str, command: Command) -> Ending {
         let Some(client) = self.client() else { return Ending::Unknown };
-        let before = |world: &mut World| (world.now_ns(), world.servos.silent(world.now_ns()), world.pins.started_ns());
+        let before = |world: &mut World| {
+            let (now_ns, started_ns) = (world.now_ns(), world.pins.started_ns());
+            (now_ns, world.servos.silent(now_ns, started_ns), started_ns)
+        };
         let (began_ns, silent, started_ns) = world::with(before);
         let latched_ns = world::with(|world| world.servos.latched_ns());
         let result = client.command(command);
@@ -56,7 +59,7 @@ impl Host<'_> {
         if let Some(servo) = silent.filter(|_| drives && ending == Ending::Done) {
             world::with(|world| {
                 let now_ns = world.now_ns();
-                if world.servos.silent(now_ns) == Some(servo) && world.pins.started_ns() == started_ns {
+                if world.servos.silent(now_ns, started_ns) == Some(servo) && world.pins.started_ns() == started_ns {
                     world.reports.on_accepted_while_silent(now_ns, servo, &format!("{command:?}"));
                 }
             });

@@ -100,20 +100,21 @@ impl Pins {
 
     /// The longest time that a line was on, of those that have begun since then, ns.
     pub fn longest_on_ns(&self, now_ns: u64, line: u8, since_ns: u64) -> u64 {
-        let index = usize::from(line) % 64;
-        let present = (self.lines.high >> index & 1 == 1).then_some((self.since_ns[index], now_ns));
-        let spans = self.spans[index].iter().copied().chain(present).filter(|(start, _)| *start >= since_ns);
+        let spans = self.spans_until(usize::from(line) % 64, now_ns).filter(|(start, _)| *start >= since_ns);
         spans.map(|(start, end)| end - start).max().unwrap_or(0)
     }
 
     /// The lines that were on from before the one time until after the other, ns.
     pub fn on_over(&self, from_ns: u64, to_ns: u64) -> u64 {
-        let is_over = |index: &usize| {
-            let present = (self.lines.high >> index & 1 == 1).then_some((self.since_ns[*index], u64::MAX));
-            let mut spans = self.spans[*index].iter().copied().chain(present);
-            spans.any(|(start, end)| start < from_ns && end > to_ns)
-        };
+        let is_over =
+            |index: &usize| self.spans_until(*index, u64::MAX).any(|(start, end)| start < from_ns && end > to_ns);
         (0..64).filter(is_over).fold(0, |lines, index| lines | 1 << index)
+    }
+
+    /// Begin and end of each span in which a line was on, of one that lasts until then.
+    fn spans_until(&self, index: usize, end_ns: u64) -> impl Iterator<Item = (u64, u64)> {
+        let present = (self.lines.high >> index & 1 == 1).then_some((self.since_ns[index], end_ns));
+        self.spans[index].iter().copied().chain(present)
     }
 
     /// When the firmware started last, ns.

@@ -164,8 +164,6 @@ pub struct Servos {
     latched_ns: Option<u64>,
     /// Since when no order was there after a start: what the profile says of the safe state holds then too.
     fallen_back_ns: Option<u64>,
-    /// When the firmware started last.
-    started_ns: u64,
     looked_ns: u64,
     /// When orders have begun or ended last.
     ordered_ns: u64,
@@ -186,7 +184,6 @@ impl Servos {
             offsets_rad: vec![[0.0; MAX_SERVOS]],
             latched_ns: None,
             fallen_back_ns: Some(0),
-            started_ns: 0,
             looked_ns: 0,
             ordered_ns: 0,
             other_range_steps: 0.0,
@@ -275,7 +272,7 @@ impl Servos {
     /// The firmware starts again and knows no position.
     pub fn on_start(&mut self, now_ns: u64) {
         self.end_orders(u64::MAX);
-        (self.latched_ns, self.fallen_back_ns, self.started_ns) = (None, Some(now_ns), now_ns);
+        (self.latched_ns, self.fallen_back_ns) = (None, Some(now_ns));
         for track in &mut self.tracks {
             track.motion = Motion::Stopping(now_ns);
             (track.answered_ns, track.overloaded_ns, track.moved_ns) = (None, None, None);
@@ -688,13 +685,13 @@ impl Servos {
         }
     }
 
-    /// Whether a servo has been silent for longer than it may, or since the start: its index.
-    pub fn silent(&self, now_ns: u64) -> Option<usize> {
+    /// Whether a servo has been silent for longer than it may, or since the start of the firmware at `started_ns`: its index.
+    pub fn silent(&self, now_ns: u64, started_ns: u64) -> Option<usize> {
         self.tracks.iter().position(|track| {
             let Some(ServoCeiling { timeout_ms, .. }) = self.ceiling(track.last.id) else { return false };
             let allowed_ns = self.ceilings.true_ns(u64::from(timeout_ms) + NOTICE_MS);
             // A start reads the profile before it asks.
-            let from_ns = track.answered_ns.unwrap_or(self.started_ns + START_MS * MS);
+            let from_ns = track.answered_ns.unwrap_or(started_ns + START_MS * MS);
             now_ns.saturating_sub(from_ns) > allowed_ns
         })
     }

@@ -79,7 +79,7 @@ impl Switches {
             }
             let digit = digit(actuator, track.digit, lines, rising);
             // A pulse may move it though the lines say that it is there already: one before it was cut too early.
-            let pulsed = rising & latch_lines(actuator);
+            let pulsed = rising & latches(actuator).fold(0, |all, lines| all | lines);
             if (digit != track.digit || pulsed != 0) && lines != 0 {
                 (track.since_ns, track.wrong_ns) = (Some(now_ns), None);
             }
@@ -90,7 +90,7 @@ impl Switches {
             let arrived_ns =
                 track.since_ns.map(|since_ns| since_ns + self.ceilings.true_ns(u64::from(actuator.travel_ms)));
             let has_arrived = arrived_ns.is_some_and(|at_ns| now_ns >= at_ns);
-            let rests = if self.is_approaching { arrived_ns.is_none() || has_arrived } else { arrived_ns.is_none() };
+            let rests = arrived_ns.is_none() || self.is_approaching && has_arrived;
             let is_resting = is_watched && is_wrong && lines != 0 && rests;
             if let (Some(from_ns), false) = (track.resting_ns, is_resting) {
                 track.rested_ns.push_back((from_ns, now_ns));
@@ -150,16 +150,14 @@ impl Switches {
     }
 }
 
-/// The lines that set and reset the latches of an actuator.
-fn latch_lines(actuator: &SwitchCeiling) -> u64 {
-    let lines = actuator.coils.iter().filter_map(|&(line, reset)| Some([line, reset?])).flatten();
-    lines.fold(0, |lines, line| lines | 1 << line)
+/// The latches of an actuator, each by the lines that set and reset it.
+fn latches(actuator: &SwitchCeiling) -> impl Iterator<Item = u64> {
+    actuator.coils.iter().filter_map(|&(line, reset)| Some(1 << line | 1 << reset?))
 }
 
 /// Whether each latch of an actuator is among those with a line of these.
 fn is_known(actuator: &SwitchCeiling, pulsed: u64) -> bool {
-    let mut latches = actuator.coils.iter().filter_map(|&(line, reset)| Some([line, reset?]));
-    latches.all(|lines| lines.iter().any(|line| pulsed >> line & 1 == 1))
+    latches(actuator).all(|lines| pulsed & lines != 0)
 }
 
 /// The digit of an actuator by its lines.

@@ -322,10 +322,10 @@ fn silence_of_a_driven_servo_is_seen() {
     judge.on_pause(5 * MS, 45 * MS);
     judge.on_lines_on((5 + 45 + 103) * MS);
     assert!(!judge.verdict.has("servo-silence"), "a pause does not count");
-    assert_eq!(judge.silent((5 + 45 + 103) * MS), None);
+    assert_eq!(judge.silent((5 + 45 + 103) * MS, 0), None);
     judge.on_lines_on((5 + 45 + 103) * MS + 1);
     assert!(judge.verdict.has("servo-silence"));
-    assert_eq!(judge.silent((5 + 45 + 103) * MS + 1), Some(0));
+    assert_eq!(judge.silent((5 + 45 + 103) * MS + 1, 0), Some(0));
 }
 
 #[test]
