@@ -5,7 +5,7 @@ use darm_arm::image::UploadImage;
 use darm_core::output::{
     ActuatorWiring, Coil, CoilLimit, Drive, LimitSwitch, MAX_COILS, ServoWiring, SwitchLimit, Wiring,
 };
-use darm_core::profile::{EmergencyStop, Fallback, Profile};
+use darm_core::profile::{EmergencyStop, Fallback, MAX_CHIPS, Profile};
 use darm_core::table::{Board, Checker, Record, Row, head};
 use darm_core::units::{DeviceId, Digest, Micros, ModelHash, Word};
 use rand::RngExt as _;
@@ -218,6 +218,13 @@ impl ArmPlan {
         let mut tighter = Self { new_loads: 1, ..self.clone() };
         tighter.servos.iter_mut().for_each(|servo| servo.range_rad /= 2.0);
         tighter.profile()
+    }
+
+    /// The profile of the same arm that names the length of its chain.
+    pub fn counted_profile(&self) -> BoardProfile {
+        let mut profile = self.profile().profile;
+        profile.board.chips = Some(MAX_CHIPS);
+        BoardProfile::new("counted", profile)
     }
 
     /// A coil that stays on while it is commanded, where there is one.

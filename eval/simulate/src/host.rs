@@ -135,6 +135,8 @@ impl<'s> Host<'s> {
             HostAct::RepeatStart => return self.repeat_start(seed),
             HostAct::Mislead => return self.mislead(seed),
             HostAct::Sag => return self.sag(seed),
+            HostAct::ShortenChain => return self.shorten_chain(seed),
+            HostAct::TurnByHand => return self.turn_by_hand(seed),
             HostAct::Off(coil) => return self.off(coil),
             HostAct::Supply(form) => return self.supply(form, seed),
             HostAct::WearOut(tables) => return self.wear_out(tables, seed),

@@ -77,6 +77,8 @@ pub enum HostAct {
     LoseProfile,
     /// The same of zero offsets.
     LoseOffsets,
+    /// A person puts a profile in force that names the length of the chain, and the board starts again with a shorter one.
+    ShortenChain,
     /// A bit of one copy of the number of the start turns, the board starts again, and what opened a connection before comes again.
     RepeatStart,
     /// Servos turn, and some of what is written to one of them is damaged with a sum that is right.
@@ -85,6 +87,8 @@ pub enum HostAct {
     Supply(SupplyForm),
     /// A load that a servo does not bear pushes it away from what it holds, while a coil is on.
     Sag,
+    /// Somebody turns a servo without torque out of its range, slowly, while a coil is on.
+    TurnByHand,
     /// A coil by hand, and off again before its time is over.
     Off(u8),
     /// Somebody has tables stored, or zero offsets (`false`), as fast as the board takes them, over starts too.
@@ -146,11 +150,13 @@ pub enum TurnFault {
     StopAndStore,
     /// It takes no order any more and answers each; then commands come.
     Stubborn,
+    /// A stop; then it is silent again and again for a moment while it rests.
+    Silences,
 }
 
 impl TurnFault {
     /// All of them.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::StopWithDamage,
         Self::StopUnconfirmed,
         Self::Stop,
@@ -160,6 +166,7 @@ impl TurnFault {
         Self::StopDeaf,
         Self::StopAndStore,
         Self::Stubborn,
+        Self::Silences,
     ];
 }
 
@@ -172,11 +179,16 @@ pub enum Foreign {
     OtherProfile,
     /// Another board with the same profile.
     OtherDevice,
+    /// A board whose outputs count their duty over another window.
+    OtherWindow,
+    /// A board whose limit switches are at other inputs.
+    OtherInputs,
 }
 
 impl Foreign {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::NoProfile, Self::OtherProfile, Self::OtherDevice];
+    pub const ALL: [Self; 5] =
+        [Self::NoProfile, Self::OtherProfile, Self::OtherDevice, Self::OtherWindow, Self::OtherInputs];
 }
 
 /// What happens to the board, at its time.
@@ -194,6 +206,8 @@ pub enum WorldAct {
     StuckSwitches(u32, bool, u32),
     /// These switches bounce at random for this time, ms.
     BouncingSwitches(u32, u32),
+    /// Again and again these switches bounce for two ticks, for this time, ms: the board takes that for no contradiction.
+    BriefBounces(u32, u32),
     /// These servos do not answer for this time, ms.
     SilentServos(u8, u32),
     /// These servos cannot turn for this time, ms.
@@ -248,6 +262,7 @@ impl WorldAct {
             Self::KillHost => "host killed",
             Self::StuckSwitches(..) => "stuck switches",
             Self::BouncingSwitches(..) => "bouncing switches",
+            Self::BriefBounces(..) => "briefly bouncing switches",
             Self::SilentServos(..) => "silent servos",
             Self::BlockedServos(..) => "blocked servos",
             Self::DamagedServos(..) => "damaged answers of servos",
@@ -291,7 +306,7 @@ impl WorldAct {
     pub fn lasts_ms(&self) -> u32 {
         match *self {
             Self::PowerCut(ms) | Self::FlashCut(_, ms) | Self::BabblingBus(ms) | Self::EmergencyStop(ms) => ms,
-            Self::StuckSwitches(.., ms) | Self::BouncingSwitches(_, ms) => ms,
+            Self::StuckSwitches(.., ms) | Self::BouncingSwitches(_, ms) | Self::BriefBounces(_, ms) => ms,
             Self::SilentServos(_, ms) | Self::BlockedServos(_, ms) | Self::DamagedServos(_, ms) => ms,
             Self::DeafServos(_, ms) | Self::UnconfirmedServos(_, ms) | Self::OverloadedServos(_, ms) => ms,
             Self::DeadValve(ms) | Self::Press(ms) | Self::LooseJumper(ms) => ms,
@@ -427,6 +442,9 @@ impl Script {
                 .push((rng.random_range(0..2_000), WorldAct::StuckEnable(rng.random(), rng.random_range(50..1_500)))),
             _ => {}
         }
+        if rng.random() {
+            acts.push((rng.random_range(0..2_000), WorldAct::BriefBounces(u32::from(u8::MAX), 8_000)));
+        }
         if self.has_jumper {
             acts.extend([(3_000, WorldAct::LooseJumper(200)), (3_300, WorldAct::WiderProfile)]);
         }
@@ -457,14 +475,17 @@ impl Script {
         }
     }
 
-    /// What damages or wears the store, the supply and requests on the servo bus: one of these behind everything, in five seeds of
-    /// six, drawn apart from the rest.
+    /// What damages or wears the store, the supply and requests on the servo bus: one of these behind everything, in most
+    /// seeds, drawn apart from the rest.
     fn draw_at_rest(&mut self) {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed ^ 0x7265_7374);
         let supply = HostAct::Supply(SupplyForm::ALL[rng.random_range(0..SupplyForm::ALL.len())]);
         let has_servos = !self.arm.servos.is_empty();
-        let act = match rng.random_range(0..14u8) {
+        let has_released = self.arm.servos.iter().any(|servo| servo.is_released);
+        let act = match rng.random_range(0..18u8) {
             12 | 13 if has_servos => HostAct::Sag,
+            14 | 15 => HostAct::ShortenChain,
+            16 | 17 if has_released => HostAct::TurnByHand,
             0 | 1 | 11 => HostAct::LoseProfile,
             2 | 3 if has_servos => HostAct::LoseOffsets,
             4 | 5 => HostAct::RepeatStart,

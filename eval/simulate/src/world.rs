@@ -17,7 +17,7 @@ use darm_sim::in_process::{Bench, Chip, MemoryFlash, Physical};
 use darm_sim::plant::Plant;
 use darm_sim::plant::servo_bus::{ServoFaults, ServoState};
 
-use crate::arm::{ArmPlan, EMERGENCY_STOP};
+use crate::arm::{ArmPlan, EMERGENCY_STOP, Table};
 use crate::judge::board_supply::BoardSupply;
 use crate::judge::person::Person;
 use crate::judge::pins::Pins;
@@ -132,6 +132,8 @@ pub struct World {
     stuck: Option<(u32, bool)>,
     /// The supply of the board is low.
     is_supply_low: bool,
+    /// The chain is shorter than the profile in force says.
+    is_chain_short: bool,
     /// Until then a servo may be moved by something stronger than it.
     pushed_ns: u64,
     /// The kind of the disturbance that ended last, and when, until the host gets through again.
@@ -203,6 +205,7 @@ impl World {
             act_faults: ServoFaults::default(),
             stuck: None,
             is_supply_low: false,
+            is_chain_short: false,
             pushed_ns: 0,
             recovering: None,
             tried_ns: None,
@@ -210,11 +213,14 @@ impl World {
             injected: BTreeMap::new(),
             trace: Trace::new(readable),
         };
-        for table in &script.tables {
-            world.reports.know(table.known());
-            table.angles_rad.iter().for_each(|&(servo, angle_rad)| world.servos.on_tabled(servo, angle_rad));
-        }
+        script.tables.iter().for_each(|table| world.know(table));
         world
+    }
+
+    /// A table that somebody may upload.
+    pub fn know(&mut self, table: &Table) {
+        self.reports.know(table.known());
+        table.angles_rad.iter().for_each(|&(servo, angle_rad)| self.servos.on_tabled(servo, angle_rad));
     }
 
     /// True time, ns.
@@ -374,7 +380,8 @@ impl World {
             self.servos.on_uncontrolled(now_ns);
         }
         let is_noisy = self.is_bus_noisy() || self.person.is_lost();
-        let unheard = silent | mute | deaf | stubborn | unconfirmed | damaged;
+        let garbled = deaf | stubborn | unconfirmed | damaged;
+        let unheard = silent | mute | garbled;
         let overloaded = broken.servos.overloaded;
         let is_bus_clear = unheard == 0 && !is_noisy;
         let joint = |(index, state): (usize, ServoState)| {
@@ -389,6 +396,7 @@ impl World {
                 is_blocked: state.is_blocked,
                 is_overloaded: has(overloaded),
                 is_heard: !is_noisy && !has(unheard),
+                is_silent: !is_noisy && has(silent | mute) && !has(garbled),
                 misled: state.misled,
                 is_bus_clear,
                 is_pushed: now_ns < self.pushed_ns,
@@ -402,6 +410,9 @@ impl World {
         self.switches.look(now_ns, self.pins.high(), self.bench.inputs(), self.has_own_table);
         if self.servos.is_latched() {
             self.pins.on_forbidden(now_ns, "safe-latched", "in the safe state, which nobody asked to be left");
+        }
+        if self.is_chain_short {
+            self.pins.on_forbidden(now_ns, "chain-length", "on a chain that is shorter than the profile says");
         }
         if self.person.is_lost() {
             self.pins.on_forbidden(now_ns, "lost-profile", "on a board whose profile is damaged");

@@ -35,6 +35,9 @@ const PEAK_TRIES: u32 = 40;
 const CYCLES: u32 = 120;
 /// Stops of a servo that rests: each must leave it where it is.
 const STOPS: u32 = 6;
+/// Times in which a servo that rests answers nothing, and the time of each and between them, ms: each must leave it where it is.
+const SILENCES: u32 = 8;
+const SILENCE_MS: u64 = 100;
 /// Questions whether a program has begun, each 50 ms: no approach lasts longer.
 const APPROACH_POLLS: u32 = 120;
 /// A servo that takes no order is noticed within this time: four tries, and its time-out, ms.
@@ -318,6 +321,10 @@ impl Host<'_> {
         let link = world::with(|world| world.host_link());
         let began_ns = world::with(|world| world.now_ns());
         let is_stopped = match form {
+            StopForm::Typed | StopForm::Bootstrap | StopForm::Message if seed >> 24 & 1 == 1 => {
+                world::with(|world| world.stop_behind_help(form, seed));
+                true
+            }
             StopForm::Typed => {
                 world::with(|world| world.type_stop(seed));
                 true
@@ -459,6 +466,15 @@ impl Host<'_> {
                 world::pass(BACK_MS);
                 world::with(|world| world.break_servos(ServoFaults { stubborn: mask, ..none }));
                 self.command_while_stubborn(Command::Servo { servo: index as u8, angle_rad: -far_rad }, seed);
+            }
+            TurnFault::Silences => {
+                self.stop("stop", stop);
+                for _ in 0..SILENCES {
+                    world::pass(SILENCE_MS);
+                    world::with(|world| world.break_servos(ServoFaults { mute: mask, ..none }));
+                    world::pass(SILENCE_MS);
+                    world::with(|world| world.break_servos(none));
+                }
             }
             TurnFault::StopAndStore => {
                 let others = ServoFaults { mute: !mask, ..none };

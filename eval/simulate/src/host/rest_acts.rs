@@ -1,6 +1,7 @@
 //! The host's acts on a board whose flash, supply or servo bus fails or wears, after everything else.
 
 use darm_arm::board_profile::BoardProfile;
+use darm_core::profile::MAX_CHIPS;
 use darm_core::sequencer::Command;
 use darm_core::wire::bootstrap::RebootTarget;
 use darm_sim::plant::servo_bus::ServoFaults;
@@ -10,6 +11,7 @@ use rand_chacha::ChaCha8Rng;
 use super::Host;
 use super::acts::offsets;
 use crate::answers::{PULSE_MS, SETTLE_MS};
+use crate::arm::{ServoPlan, Table, TablePlan};
 use crate::script::SupplyForm;
 use crate::words;
 use crate::world::{self, BACK_MS, Party};
@@ -23,6 +25,13 @@ const TURNS: u64 = 4;
 const TURN_MS: u64 = 90;
 /// A load pushes a servo as far as this, a step each 2 ms: 0.2 rad.
 const SAG_STEPS: u16 = 130;
+/// A person turns a shaft as far as this in 1 ms, steps: 0.46 rad/s, below the slowest servo of a script. A coil is on from so many steps
+/// before the edge of the range to so many beyond it.
+const HAND_STEPS: f32 = 0.3;
+const EDGE_STEPS: f32 = 20.0;
+const OUT_STEPS: f32 = 40.0;
+/// Rows of a table for one try.
+const ROWS: usize = 8;
 /// What is driven while the supply fails is on for this time, ms: below the shortest limit of on-time.
 const DRIVEN_MS: u32 = 700;
 /// A dip of the supply, and the time from one to the next, ms.
@@ -104,6 +113,55 @@ impl Host<'_> {
             self.halt();
         }
         self.put_profile(&self.script.arm.profile());
+    }
+
+    /// A table for a profile that names the length of the chain; then the board starts with a shorter one, as where a plug is not in.
+    pub(super) fn shorten_chain(&mut self, seed: u64) {
+        if self.script.has_jumper || world::with(|world| world.has_acts_ahead()) || !self.is_ready() {
+            return;
+        }
+        let (counted, wiring) = (self.script.arm.counted_profile(), self.script.arm.wiring());
+        let (profile, model) = (counted.profile.digest, seed | 1);
+        let plan = TablePlan { wiring: &wiring, profile, model, rows: ROWS, ends_under_way: false, device: None };
+        let table = Table::draw(&mut ChaCha8Rng::seed_from_u64(seed), &plan);
+        if let Some(table) = table.filter(|_| self.put_profile(&counted)) {
+            world::with(|world| world.know(&table));
+            self.upload_once(&table);
+            world::with(|world| world.start_with_chips(1 + (seed >> 8) as u8 % (MAX_CHIPS - 1)));
+            world::pass(2 * SETTLE_MS);
+            self.renew();
+            self.try_all(seed >> 16);
+            self.command("clear", Command::Clear);
+            self.try_all(seed >> 24);
+            world::with(|world| world.start_with_chips(MAX_CHIPS));
+            world::pass(SETTLE_MS);
+        }
+        self.put_profile(&self.script.arm.profile());
+    }
+
+    /// Somebody turns a servo that has had no torque since the start, to the edge of its range and, while a coil is on, out of it.
+    pub(super) fn turn_by_hand(&mut self, seed: u64) {
+        let Some(coil) = self.script.arm.steady_coil().filter(|_| self.is_ready()) else { return };
+        let released = |(index, servo): (usize, &ServoPlan)| servo.is_released.then_some(index);
+        let Some(index) = self.script.arm.servos.iter().enumerate().find_map(released) else { return };
+        world::with(|world| world.restart());
+        world::pass(2 * SETTLE_MS);
+        self.renew();
+        let side = if seed & 1 == 0 { 1.0 } else { -1.0 };
+        while world::with(|world| world.turn_by_hand(index, HAND_STEPS * side)).is_some_and(|left| left > EDGE_STEPS) {
+            world::pass(1);
+        }
+        self.command("drive", Command::Coil { coil, on_ms: DRIVEN_MS });
+        while world::with(|world| world.turn_by_hand(index, HAND_STEPS * side)).is_some_and(|left| left > -OUT_STEPS) {
+            world::pass(1);
+        }
+        world::pass(SETTLE_MS);
+        self.events();
+        while world::with(|world| world.turn_by_hand(index, -HAND_STEPS * side)).is_some_and(|left| left < EDGE_STEPS) {
+            world::pass(1);
+        }
+        world::pass(SETTLE_MS);
+        self.command("clear", Command::Clear);
     }
 
     /// Zero offsets are replaced by others, whose record is damaged at rest: no joint turns by those before.

@@ -71,8 +71,7 @@ pub fn recombined(rng: &mut ChaCha8Rng, wiring: &Wiring, profile: Digest) -> Opt
             _ => {}
         }
     }
-    let (model, rows) = (rng.random::<u64>() | 1, rng.random_range(2..30));
-    Table::draw(rng, &TablePlan { wiring: &wiring, profile, model, rows, ends_under_way: false, device: None })
+    of_changed(rng, &wiring, profile)
 }
 
 /// Each latch is reset by the line that resets the next one.
@@ -108,6 +107,26 @@ pub fn of_another_device(rng: &mut ChaCha8Rng, wiring: &Wiring, profile: Digest)
     let (model, rows) = (rng.random::<u64>() | 1, rng.random_range(2..30));
     let device = Some(DeviceId(rng.random()));
     Table::draw(rng, &TablePlan { wiring, profile, model, rows, ends_under_way: false, device })
+}
+
+/// A table whose outputs count their duty over a window that is twice as long as that of the board's profile, which it names.
+pub fn of_another_window(rng: &mut ChaCha8Rng, wiring: &Wiring, profile: Digest) -> Option<Table> {
+    let mut wiring = wiring.clone();
+    wiring.coils.iter_mut().for_each(|coil| coil.limit.window_ms *= 2);
+    of_changed(rng, &wiring, profile)
+}
+
+/// A table whose limit switches are at the inputs behind those of the board's profile, which it names; `None` where the arm has no switch.
+pub fn of_other_inputs(rng: &mut ChaCha8Rng, wiring: &Wiring, profile: Digest) -> Option<Table> {
+    let mut wiring = wiring.clone();
+    wiring.actuators.iter().find(|actuator| actuator.switch.is_some())?;
+    wiring.actuators.iter_mut().filter_map(|actuator| actuator.switch.as_mut()).for_each(|switch| switch.input += 1);
+    of_changed(rng, &wiring, profile)
+}
+
+fn of_changed(rng: &mut ChaCha8Rng, wiring: &Wiring, profile: Digest) -> Option<Table> {
+    let (model, rows) = (rng.random::<u64>() | 1, rng.random_range(2..30));
+    Table::draw(rng, &TablePlan { wiring, profile, model, rows, ends_under_way: false, device: None })
 }
 
 /// A table that a board without a profile takes: valves at the first lines, as the limits that are built in allow.

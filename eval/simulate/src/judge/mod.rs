@@ -53,6 +53,13 @@ pub struct ServoCeiling {
     pub is_released: bool,
 }
 
+impl ServoCeiling {
+    /// How far a place is out of the range, steps; negative within it.
+    fn beyond(&self, step: f32) -> f32 {
+        (f32::from(self.min_step) - step).max(step - f32::from(self.max_step))
+    }
+}
+
 /// The two lines of a latch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LatchCeiling {

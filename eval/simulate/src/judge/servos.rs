@@ -59,6 +59,8 @@ const TORQUE_SLACK: u16 = 1;
 /// two visits and the vote of each, ms.
 const STRAY_STEPS: f32 = 65.0 + 16.0;
 const STRAY_MS: u64 = 60;
+/// A shaft without torque is out of its range beyond this, steps: what the board takes for the edge (13) and the rounding of its place.
+const OUT_STEPS: f32 = 14.0;
 /// Steps of one radian.
 const STEPS_PER_RAD: f32 = 4096.0 / std::f32::consts::TAU;
 
@@ -83,12 +85,21 @@ pub struct Joint {
     pub is_overloaded: bool,
     /// Its answers and orders arrive as they were sent.
     pub is_heard: bool,
+    /// None of its answers arrives, and what it hears is what was sent.
+    pub is_silent: bool,
     /// Damaged requests that it has obeyed.
     pub misled: u32,
     /// Nothing else delays the visits of the bus.
     pub is_bus_clear: bool,
     /// Something with more strength than it moves its shaft, or has done so just now.
     pub is_pushed: bool,
+}
+
+impl Joint {
+    /// Its answers or orders may arrive as something else. One that answers nothing stays where it is.
+    fn is_garbled(&self) -> bool {
+        !(self.is_heard || self.is_silent)
+    }
 }
 
 /// What somebody wants of the servos.
@@ -128,7 +139,7 @@ struct Track {
     /// When its bus was last disturbed, or the board could say nothing to it.
     excused_ns: u64,
     /// Its answers or orders may have been damaged since an order moved it last.
-    was_unheard: bool,
+    was_garbled: bool,
     /// No order has moved it since the start.
     is_as_started: bool,
     /// Where it came to rest first after its last order, as long as it has torque and all was well on its bus: starts may not add up.
@@ -315,7 +326,7 @@ impl Servos {
                     answered_ns: None,
                     driven_ns: None,
                     excused_ns: 0,
-                    was_unheard: false,
+                    was_garbled: false,
                     is_as_started: true,
                     rested: None,
                     overloaded_ns: None,
@@ -351,7 +362,7 @@ impl Servos {
         if !joint.is_heard || !is_powered {
             track.excused_ns = track.excused_ns.max(now_ns);
         }
-        track.was_unheard |= !joint.is_heard;
+        track.was_garbled |= joint.is_garbled();
         let gets_torque = joint.has_torque && !before.has_torque;
         if !joint.has_torque {
             track.driven_ns = None;
@@ -397,7 +408,7 @@ impl Servos {
                 });
             }
         }
-        self.check_stray(now_ns, &mut track);
+        self.check_stray(now_ns, &mut track, &servo);
         self.check_misled(now_ns, index, &mut track, &servo);
         if is_misled || joint.is_pushed {
             // Where it comes to rest afterwards is where it rests.
@@ -464,7 +475,7 @@ impl Servos {
     fn check_limits(&mut self, now_ns: u64, span_ns: u64, joint: &Joint, turned: f32, servo: &ServoCeiling) {
         let Joint { id, step, torque_limit, .. } = *joint;
         let (min, max) = (f32::from(servo.min_step), f32::from(servo.max_step));
-        let beyond = (min - step).max(step - max);
+        let beyond = servo.beyond(step);
         // Where it was out of its range before, it may come back.
         let leaves = if step < min { turned < -REST_STEPS } else { turned > REST_STEPS };
         if beyond > RANGE_STEPS + self.other_range_steps && leaves {
@@ -507,7 +518,7 @@ impl Servos {
         let (_, is_ordered) = known.unwrap_or_else(|| (self.changes, self.is_ordered(index, goal)));
         track.explained = Some((self.changes, is_ordered));
         if has_torque && is_ordered {
-            (track.motion, track.was_unheard) = (Motion::Ordered, !track.last.is_heard);
+            (track.motion, track.was_garbled) = (Motion::Ordered, track.last.is_garbled());
             (track.is_as_started, track.rested) = (false, None);
             return;
         }
@@ -531,10 +542,10 @@ impl Servos {
                 }
             }
             Motion::Resting(at) => {
-                let damaged_steps = if track.was_unheard { DAMAGED_STEPS } else { 0.0 };
+                let damaged_steps = if track.was_garbled { DAMAGED_STEPS } else { 0.0 };
                 let kept_steps = if track.is_as_started { KEPT_STEPS } else { 0.0 };
                 let allowed = HOLD_STEPS + kept_steps + self.other_range_steps + damaged_steps;
-                if !has_torque || !track.last.is_heard {
+                if !has_torque || track.last.is_garbled() {
                     track.rested = None;
                 }
                 let first = *track.rested.get_or_insert(at);
@@ -548,11 +559,11 @@ impl Servos {
         }
     }
 
-    /// The board latches the safe state where a servo is pushed away from what it holds.
-    fn check_stray(&mut self, now_ns: u64, track: &mut Track) {
+    /// The board latches the safe state where a servo is pushed away from what it holds, or turned out of its range without torque.
+    fn check_stray(&mut self, now_ns: u64, track: &mut Track, servo: &ServoCeiling) {
         let Joint { is_pushed, has_torque, is_heard, goal, step, .. } = track.last;
-        let is_away = is_pushed && has_torque && is_heard && (goal - step).abs() > STRAY_STEPS;
-        if !is_away || track.motion == Motion::Ordered {
+        let is_away = if has_torque { (goal - step).abs() > STRAY_STEPS } else { servo.beyond(step) > OUT_STEPS };
+        if !(is_away && is_pushed && is_heard) || track.motion == Motion::Ordered {
             track.strayed_ns = None;
             return;
         }

@@ -18,10 +18,13 @@ pub(super) struct Active {
     pub(super) act: WorldAct,
     pub(super) end_ns: u64,
     pub(super) rng: ChaCha8Rng,
-    /// Which of several things it concerns.
+    /// Which of several things it concerns, or the number of the tick.
     pub(super) index: u32,
 }
 
+/// So many ticks of so many a switch that bounces briefly shows the opposite.
+const BOUNCE_TICKS: u32 = 2;
+const BOUNCE_PERIOD: u32 = 12;
 /// Inputs of the arm's limit switches.
 pub const ALL_SWITCHES: u32 = 0xff;
 /// For this time what somebody else has sent may still be put in force, ns.
@@ -80,6 +83,8 @@ impl World {
                     Foreign::NoProfile => hostile::tables::of_no_profile(&mut rng),
                     Foreign::OtherProfile => hostile::tables::of_another_profile(&mut rng, &self.wiring),
                     Foreign::OtherDevice => hostile::tables::of_another_device(&mut rng, &self.wiring, self.profile),
+                    Foreign::OtherWindow => hostile::tables::of_another_window(&mut rng, &self.wiring, self.profile),
+                    Foreign::OtherInputs => hostile::tables::of_other_inputs(&mut rng, &self.wiring, self.profile),
                 };
                 // Nobody may ever see it loaded: the judge does not know it.
                 if let Some(table) = table {
@@ -144,10 +149,9 @@ impl World {
 
     /// A table that the board may take, of somebody else.
     fn send_known(&mut self, table: &Table, rng: &mut ChaCha8Rng) {
-        self.reports.know(table.known());
+        self.know(table);
         self.reports.on_upload(self.now_ns(), table.model, Ending::Unknown, &[]);
         self.commits.push((Party::Hostile, table.model, self.now_ns()));
-        table.angles_rad.iter().for_each(|&(servo, angle_rad)| self.servos.on_tabled(servo, angle_rad));
         self.send_frames(&table.image, rng);
     }
 
@@ -180,7 +184,7 @@ impl World {
                     self.bench.power_on(rng.random());
                     self.observe();
                 }
-                WorldAct::BouncingSwitches(..) => self.invert_switches(0),
+                WorldAct::BouncingSwitches(..) | WorldAct::BriefBounces(..) => self.invert_switches(0),
                 WorldAct::EmergencyStop(_) if !self.is_pressed() => {
                     self.pressed_ns = None;
                     self.invert_switches(0);
@@ -198,6 +202,11 @@ impl World {
                 WorldAct::BouncingSwitches(inputs, _) => {
                     let bounce = if active.rng.random_bool(0.7) { active.rng.random::<u32>() } else { 0 };
                     self.bench.invert_switches(inputs & bounce | stop);
+                }
+                WorldAct::BriefBounces(inputs, _) => {
+                    active.index = active.index.wrapping_add(1);
+                    let is_bouncing = active.index % BOUNCE_PERIOD < BOUNCE_TICKS;
+                    self.bench.invert_switches(if is_bouncing { inputs } else { 0 } | stop);
                 }
                 WorldAct::BabblingBus(_) if active.rng.random_bool(0.3) => {
                     let noise: [u8; 6] = active.rng.random();

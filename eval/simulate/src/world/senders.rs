@@ -12,6 +12,7 @@ use crate::answers::PULSE_MS;
 use crate::hostile::{self, Sent};
 use crate::judge::reports::{Ending, Pulse};
 use crate::judge::servos::Wish;
+use crate::script::StopForm;
 
 /// After a stop that came behind a command the lines are off within this time, ms of the board's clock.
 const STOP_MS: u64 = 3;
@@ -196,6 +197,18 @@ impl World {
         let before = BEFORE[(seed >> 16) as usize % BEFORE.len()];
         self.say("world", || format!("{before:?} stop"));
         self.bench.send(&[before, b"stop\r"].concat());
+    }
+
+    /// Somebody asks for a long text and stops in this form right behind it.
+    pub fn stop_behind_help(&mut self, form: StopForm, seed: u64) {
+        let number = (seed >> 32) as u16;
+        let stop = match form {
+            StopForm::Typed | StopForm::Input => b"stop\r".to_vec(),
+            StopForm::Bootstrap => hostile::stop(number).bytes,
+            StopForm::Message => hostile::request((seed >> 16) as u32, number, &Request::Command(Command::Stop)),
+        };
+        self.say("world", || format!("help, {form:?} stop"));
+        self.bench.send(&[b"help\r".as_slice(), &stop].concat());
     }
 
     /// A connection that a stop or a start has ended: any of the run, half of them one of the last.

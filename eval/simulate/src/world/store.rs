@@ -1,5 +1,9 @@
 //! What happens to the board's flash and supply at rest, and what the judges conclude from it.
 
+use std::f32::consts::TAU;
+
+use darm_core::output::SERVO_STEPS_PER_TURN;
+use darm_core::profile::MAX_CHIPS;
 use darm_core::units::{Digest, ModelHash};
 use darm_core::wire::message::{Calibration, Image, ImageKind, Request};
 use rand::RngExt as _;
@@ -12,6 +16,10 @@ use crate::judge::wear::Borne;
 /// Bytes of an image that is only begun.
 const STUB: [u8; 8] = [0; 8];
 
+/// Where the angle of a servo is 0, steps.
+const CENTRE: f32 = 2048.0;
+/// A hand stays at a servo for this time, ns: longer than the board takes to see where the shaft is.
+const HAND_NS: u64 = 300_000_000;
 /// A servo that a load has pushed away turns back within this time after the load is taken off, at 0.1 rad/s or more, ms.
 pub const BACK_MS: u64 = 2_500;
 
@@ -101,6 +109,24 @@ impl World {
         let own = self.arm.servos.iter().map(|servo| servo.bend_steps).enumerate();
         let bends: Vec<f32> = own.map(|(own, bend)| if own == index { bend + steps } else { bend }).collect();
         self.bench.plant_mut().bend_servos(&bends);
+    }
+
+    /// Somebody turns this servo by so many steps where it has no torque: what is left to the edge of its range on that side, steps, negative
+    /// beyond it. `None` where it has torque.
+    pub fn turn_by_hand(&mut self, index: usize, steps: f32) -> Option<f32> {
+        let now_ns = self.now_ns();
+        (self.pushed_ns, self.disturbed_ns) = (now_ns + HAND_NS, now_ns);
+        let step = self.bench.plant_mut().turn_by_hand(index, steps)?;
+        let edge = self.arm.servos.get(index)?.range_rad * SERVO_STEPS_PER_TURN / TAU;
+        Some(edge - (step - CENTRE).abs())
+    }
+
+    /// The firmware starts again with a chain of this length, where the profile in force says [`MAX_CHIPS`].
+    pub fn start_with_chips(&mut self, chips: u8) {
+        self.say("world", || format!("a chain of {chips} chips"));
+        self.bench.set_chips(chips);
+        self.is_chain_short = chips < MAX_CHIPS;
+        self.restart();
     }
 
     /// Shows the judge what the flash has borne.

@@ -42,10 +42,11 @@ enum State {
     Searching,
     BusyBus,
     OtherHost,
+    Starting,
 }
 
 const FORMS: [Form; 4] = [Form::Typed, Form::Bootstrap, Form::Message, Form::Emergency];
-const STATES: [State; 7] = [
+const STATES: [State; 8] = [
     State::Idle,
     State::Playing,
     State::Uploading,
@@ -53,6 +54,7 @@ const STATES: [State; 7] = [
     State::Searching,
     State::BusyBus,
     State::OtherHost,
+    State::Starting,
 ];
 
 impl Form {
@@ -76,6 +78,7 @@ impl State {
             Self::Searching => "searching",
             Self::BusyBus => "three servos silent",
             Self::OtherHost => "other host connected",
+            Self::Starting => "starting",
         }
     }
 }
@@ -251,7 +254,9 @@ impl Rig {
                 let table = table();
                 self.done(Request::Begin(table.image()), 200);
             }
-            State::Printing | State::Searching | State::BusyBus | State::OtherHost => self.move_by_hand(),
+            State::Printing | State::Searching | State::BusyBus | State::OtherHost | State::Starting => {
+                self.move_by_hand();
+            }
         }
         let wait_ms = self.random.below(30);
         match state {
@@ -278,6 +283,11 @@ impl Rig {
             }
             State::OtherHost => {
                 self.open(0xffff_0000, wait_ms + 2);
+            }
+            // The lines went off with the reset; the servos are still on their way.
+            State::Starting => {
+                self.bench.reset();
+                self.pass(wait_ms % 8);
             }
             State::Idle | State::Playing => self.pass(wait_ms),
         }
@@ -314,7 +324,8 @@ impl Rig {
         for ms in 1..=LIMIT_MS {
             self.bench.step();
             if !is_low && self.bench.plant().lines() == 0 {
-                (is_low, times.pins) = (true, if moves { ms } else { 0 });
+                let is_safe_before = !moves || state == State::Starting;
+                (is_low, times.pins) = (true, if is_safe_before { 0 } else { ms });
             }
             for happened in self.bench.take_happened() {
                 if let Physical::Bus { to_servos: true, bytes } = happened {

@@ -143,6 +143,11 @@ impl Plant {
         self.bus.bend(steps);
     }
 
+    /// Somebody turns this servo by so many steps; where it is then, steps. `None` where it has torque.
+    pub fn turn_by_hand(&mut self, index: usize, steps: f32) -> Option<f32> {
+        self.bus.turn_by_hand(index, steps)
+    }
+
     /// What each servo of the bus does, apart from what it reports.
     pub fn servos(&self) -> impl Iterator<Item = ServoState> + '_ {
         self.bus.states()

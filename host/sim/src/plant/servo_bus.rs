@@ -304,6 +304,13 @@ impl ServoBus {
         }
     }
 
+    /// Somebody turns this servo by so many steps; where it is then, steps. `None` where it has torque.
+    pub fn turn_by_hand(&mut self, index: usize, steps: f32) -> Option<f32> {
+        let servo = self.servos.get_mut(index).filter(|servo| !servo.state().has_torque)?;
+        servo.position += steps;
+        Some(servo.position)
+    }
+
     /// Breaks and repairs servos, from now on.
     pub fn set_broken(&mut self, faults: ServoFaults) {
         for (index, servo) in self.servos.iter_mut().enumerate() {

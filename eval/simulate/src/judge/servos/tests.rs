@@ -13,6 +13,7 @@ const REST: Joint = Joint {
     is_blocked: false,
     is_overloaded: false,
     is_heard: true,
+    is_silent: false,
     misled: 0,
     is_bus_clear: true,
     is_pushed: false,
@@ -133,6 +134,16 @@ fn a_servo_that_is_pushed_away_from_what_it_holds_latches_the_safe_state() {
 }
 
 #[test]
+fn a_servo_without_torque_that_is_turned_out_of_its_range_latches_the_safe_state() {
+    for (step, is_latched) in [(3013.0, false), (3015.0, true), (985.0, true)] {
+        let mut judge = judge(true);
+        turn(&mut judge, 4, 80, Joint { step, has_torque: false, is_pushed: true, ..REST }, 0.0);
+        assert_eq!(judge.is_latched(), is_latched, "at {step}");
+        assert!(judge.verdict.firsts().is_empty(), "a hand is no motion of its own");
+    }
+}
+
+#[test]
 fn a_damaged_request_is_no_motion_after_a_fault() {
     for (ticks, is_broken) in [(15, false), (200, true)] {
         let mut judge = judge(false);
@@ -205,6 +216,22 @@ fn a_hold_that_creeps_is_seen_and_one_that_bends_once_is_not() {
             joint = turn(&mut judge, 4 + 500 * hold, 500, joint, 500.0);
         }
         assert_eq!(broken(judge).is_empty(), !is_broken, "{holds} times");
+    }
+}
+
+/// Its load bends it once more in each silence, as where the board takes its place for the goal afterwards.
+#[test]
+fn silences_that_let_a_servo_sink_a_little_each_are_seen() {
+    for (silences, is_broken) in [(3, false), (4, true)] {
+        let mut judge = judge(false);
+        let mut joint = turn(&mut judge, 4, 5, REST, 0.0);
+        for silence in 0..silences {
+            let silent = Joint { is_heard: false, is_silent: true, ..joint };
+            turn(&mut judge, 9 + 300 * silence, 100, silent, 0.0);
+            joint.goal -= 5.0;
+            joint = turn(&mut judge, 109 + 300 * silence, 200, joint, 500.0);
+        }
+        assert_eq!(broken(judge).is_empty(), !is_broken, "{silences} silences");
     }
 }
 
