@@ -32,7 +32,7 @@ Examples:
   darm import foreign-matlab.mat -o matlab.csv --column 'q#_rad=log.q(:,*)' --column time_s=log.t
   darm import foreign-ros2.mcap -o ros2.csv
 
-Reads CSV of any dialect, .npy, .npz, .mat (level 5), MCAP with messages of ROS 2 (JointState, PoseStamped, WrenchStamped, \
+Reads CSV of any dialect, .npy, .npz, .mat (level 5), MCAP with messages of ROS (JointState, PoseStamped, WrenchStamped, \
 TwistStamped) or JSON, and folders of ROS 2 bags in MCAP. Without --column and --map all columns are converted as proposed.
 
 TARGET is one of the columns of docs/formats.md and ends in its unit; SOURCE is a column as listed, and may end in *UNIT (the unit \
@@ -60,6 +60,9 @@ pub(crate) struct Import {
     /// Unit of columns of the recording, such as 'Var*=deg'
     #[arg(long = "unit", value_name = "SOURCE=UNIT")]
     units: Vec<String>,
+    /// A number that stands for no value, such as --missing=-9999
+    #[arg(long, value_name = "NUMBER", allow_hyphen_values = true)]
+    missing: Vec<f64>,
     /// Write the mapping as a file for --map
     #[arg(long, value_name = "MAP.toml")]
     write_map: Option<OutputFile>,
@@ -130,14 +133,19 @@ impl Import {
         for file in &self.files {
             recordings.push(darm_measure::import::read(file, dialect)?);
         }
+        let given = self.given()?;
+        recordings.iter_mut().for_each(|recording| recording.leave_out(&given.missing));
         let files = recordings.iter().map(summary).collect();
         let is_single_array = |file: &PathBuf| file.extension().is_some_and(|end| end == "npy");
         if recordings.len() > 1 && (self.join || self.files.iter().all(is_single_array)) {
             recordings = vec![side_by_side(recordings)?];
         }
-        let given = self.given()?;
         let is_proposed = given.entries.is_empty();
-        let mapping = if is_proposed { proposal::propose(&recordings[0], &given.units) } else { given };
+        let mapping = if is_proposed {
+            Mapping { missing: given.missing, ..proposal::propose(&recordings[0], &given.units) }
+        } else {
+            given
+        };
         let (mut rows, mut notes) = (None, Vec::new());
         if let Some(output) = &self.output {
             let table = self.table(&recordings, &mapping, output)?;
@@ -179,6 +187,7 @@ impl Import {
             units.push(parsed.ok_or_else(wrong)?);
         }
         mapping.units.splice(0..0, units);
+        mapping.missing.extend(&self.missing);
         Ok(mapping)
     }
 

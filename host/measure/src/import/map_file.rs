@@ -1,6 +1,8 @@
 //! A mapping as a file.
 //!
 //! ```toml
+//! missing = [-9999]              # numbers that stand for no value
+//!
 //! [columns]                      # TARGET = "SOURCE", as on the command line
 //! time_s = "Time (ms)"
 //! "q#_rad" = "q[:,*]*deg"
@@ -26,6 +28,8 @@ pub type MapFileError = FileError<String>;
 #[serde(deny_unknown_fields)]
 struct Raw {
     #[serde(default)]
+    missing: Vec<f64>,
+    #[serde(default)]
     columns: BTreeMap<Spanned<String>, Spanned<String>>,
     #[serde(default)]
     units: BTreeMap<Spanned<String>, Spanned<String>>,
@@ -49,7 +53,7 @@ pub fn parse(source: &Source, path: &Path) -> Result<Mapping, MapFileError> {
     let raw: Raw = source.parse()?;
     let mut columns: Vec<_> = raw.columns.into_iter().collect();
     columns.sort_by_key(|(target, _)| target.span().start);
-    let mut mapping = Mapping::default();
+    let mut mapping = Mapping { missing: raw.missing, ..Mapping::default() };
     for (target, value) in &columns {
         let wrong = |text: String| source.wrong(value.span(), text);
         let place = wrong(String::new()).place.unwrap_or(Place { line: 1, column: 1 });
@@ -77,7 +81,9 @@ pub fn text(mapping: &Mapping) -> String {
     let units: String =
         mapping.units.iter().map(|(name, unit)| format!("{} = {}\n", quoted(name), quoted(unit.name))).collect();
     let units = if units.is_empty() { units } else { format!("\n[units]\n{units}") };
-    format!("[columns]\n{columns}{units}")
+    let missing =
+        if mapping.missing.is_empty() { String::new() } else { format!("missing = {:?}\n\n", mapping.missing) };
+    format!("{missing}[columns]\n{columns}{units}")
 }
 
 impl Entry {
@@ -102,8 +108,7 @@ mod tests {
 
     #[test]
     fn a_mapping_comes_back_in_its_order() {
-        let text =
-            "[columns]\n\"time_s\" = \"t\"\n\"q#_rad\" = \"q[:,*]*deg\"\n\"a\" = \"b\"\n\n[units]\n\"x\" = \"mm\"\n";
+        let text = "missing = [-9999.0, 1e30]\n\n[columns]\n\"time_s\" = \"t\"\n\"q#_rad\" = \"q[:,*]*deg\"\n\"a\" = \"b\"\n\n[units]\n\"x\" = \"mm\"\n";
         let mapping = parsed(text).unwrap();
         assert_eq!(
             mapping.entries.iter().map(|entry| entry.target.as_str()).collect::<Vec<_>>(),

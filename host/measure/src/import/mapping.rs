@@ -51,6 +51,8 @@ pub struct Mapping {
     pub entries: Vec<Entry>,
     /// Patterns of names and the unit of the columns that match; the first counts.
     pub units: Vec<(String, Unit)>,
+    /// Numbers that stand for no value, as the file has them.
+    pub missing: Vec<f64>,
 }
 
 /// A column of the result found in a recording.
@@ -265,7 +267,7 @@ mod tests {
         assert!(name("x").unwrap_err().contains("/a/x or /b/x"));
         assert!(name("twice").unwrap_err().contains("columns 7, 8"));
         assert!(name("z").unwrap_err().contains("the recording has /a/x"));
-        let mapping = Mapping { entries: vec!["q#_*=q[:,*]".parse().unwrap()], units: Vec::new() };
+        let mapping = Mapping { entries: vec!["q#_*=q[:,*]".parse().unwrap()], ..Mapping::default() };
         let found: Vec<String> = mapping.resolve(&recording).unwrap().into_iter().map(|found| found.target).collect();
         assert_eq!(found, ["q1_0", "q2_1"]);
     }

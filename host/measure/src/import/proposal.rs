@@ -152,7 +152,7 @@ fn time_name(column: &Column) -> (String, Option<Unit>) {
 
 /// A mapping of all columns; columns whose meaning is not known keep their names.
 pub fn propose(recording: &Recording, units: &[(String, Unit)]) -> Mapping {
-    let known = Mapping { entries: Vec::new(), units: units.to_vec() };
+    let known = Mapping { units: units.to_vec(), ..Mapping::default() };
     let mut mapping = known.clone();
     let parts = usable(recording);
     for part in parts {

@@ -45,10 +45,35 @@ pub struct Column {
     pub texts: Vec<String>,
 }
 
+/// A number that stands for no value is farther from the others than so many times their range: -9999 beside 0 to 1000.
+const CODE_GAP: f64 = 5.0;
+
 impl Column {
     /// A column of binary numbers.
     pub(crate) fn of_numbers(name: impl Into<String>, numbers: Vec<f64>) -> Self {
-        Self { name: name.into(), numbers, ..Self::default() }
+        Self { name: name.into(), numbers: numbers.into_iter().map(finite).collect(), ..Self::default() }
+    }
+
+    /// Leaves cells with one of these numbers empty.
+    fn leave_out(&mut self, numbers: &[f64]) {
+        for (row, number) in self.numbers.iter_mut().enumerate().filter(|(_, number)| numbers.contains(number)) {
+            *number = f64::NAN;
+            self.texts.get_mut(row).into_iter().for_each(String::clear);
+        }
+    }
+
+    /// A number that several cells have, far from all others, which programs write for no value; how many have it, and the range of the
+    /// others. Zero is a value: that of a supply which is off, for example.
+    pub(crate) fn code(&self) -> Option<(f64, usize, [f64; 2])> {
+        let [low, high] = self.range()?;
+        [low, high].into_iter().filter(|code| *code != 0.0).find_map(|code| {
+            let mut others = self.clone();
+            others.leave_out(&[code]);
+            let [low, high] = others.range()?;
+            let n = self.numbers.iter().filter(|number| **number == code).count();
+            let gap = (low - code).max(code - high);
+            (n > 1 && gap > CODE_GAP * (high - low) && high > low).then_some((code, n, [low, high]))
+        })
     }
 
     /// The first cell that is neither missing nor a number, with its row.
@@ -92,6 +117,14 @@ impl Column {
     }
 }
 
+impl Recording {
+    /// Leaves all cells with one of these numbers empty: they stand for no value.
+    pub fn leave_out(&mut self, numbers: &[f64]) {
+        let columns = self.parts.iter_mut().flat_map(|part| &mut part.columns);
+        columns.for_each(|column| column.leave_out(numbers));
+    }
+}
+
 impl Part {
     /// Whether it is the table of a text file.
     pub fn is_text_table(&self) -> bool {
@@ -109,7 +142,12 @@ impl Part {
     }
 }
 
-/// Whether a cell of a text file has no value: words of programs for it, NaN as the C library prints it, errors of spreadsheets.
+/// The number, NaN where it is infinite: no quantity is, and programs write it after a division by zero.
+fn finite(number: f64) -> f64 {
+    if number.is_finite() { number } else { f64::NAN }
+}
+
+/// Whether a cell of a text file has no value: words of programs for it, infinity, NaN as the C library prints it, errors of spreadsheets.
 pub(crate) fn is_missing(cell: &str) -> bool {
     const WORDS: [&str; 14] =
         ["nan", "na", "n/a", "n.a.", "#n/a", "<na>", "null", "none", "nil", "nat", "missing", "undefined", "?", "."];
@@ -119,7 +157,8 @@ pub(crate) fn is_missing(cell: &str) -> bool {
     let size = cell.trim_start_matches(['+', '-']);
     let is_of_c = size.starts_with("nan(") || size.starts_with("1.#") || size == "nan";
     let is_error = cell.strip_prefix('#').is_some_and(|word| word.ends_with(['!', '?']) && !word.contains(' '));
-    is_dashes || is_of_c || is_error || WORDS.contains(&cell.as_str())
+    let is_infinite = cell.parse().is_ok_and(f64::is_infinite);
+    is_dashes || is_of_c || is_error || is_infinite || WORDS.contains(&cell.as_str())
 }
 
 /// A row of cells and its line.
@@ -128,11 +167,11 @@ pub(crate) struct Row {
     pub(crate) cells: Vec<String>,
 }
 
-/// A number as text; `inf` and `nan` are numbers, digits with other signs between are not. A minus may be that of typesetting, and
+/// A number as text; `inf` and `nan` are NaN, digits with other signs between are not. A minus may be that of typesetting, and
 /// the exponent of Fortran, `1.5D+00`.
 pub(crate) fn number(cell: &str) -> Option<f64> {
     let cell = cell.trim();
-    cell.parse().ok().or_else(|| {
+    cell.parse().ok().map(finite).or_else(|| {
         let is_plain =
             cell.chars().all(|c| c.is_ascii_digit() || matches!(c, '+' | '-' | '\u{2212}' | '.' | 'D' | 'E' | 'e'));
         let is_one = is_plain && (cell.contains('\u{2212}') || cell.contains('.') && cell.contains('D'));

@@ -212,6 +212,13 @@ fn converted(found: &Found, notes: &mut Vec<String>) -> Result<Cells, Wrong> {
             column.name
         ));
     }
+    if let Some((code, n, [low, high])) = column.code() {
+        notes.push(format!(
+            "{}: {n} numbers are {code}, far from the others, {low} to {high}; where that stands for no value, `darm import \
+             --missing={code}` leaves it out",
+            column.name
+        ));
+    }
     if (factor, offset) == (1.0, 0.0) {
         return Ok(Cells::Numbers(column.numbers.clone()));
     }

@@ -3,9 +3,9 @@
 //! | date | read as |
 //! | --- | --- |
 //! | `2024-05-31`, `2024/05/31`, `20240531` | year, month, day (ISO 8601) |
-//! | `31.05.2024` | day, month, year |
-//! | `31-May-2024`, `May 31, 2024`, `Fri May 31 … 2024` | the month by its name in English |
-//! | `5/31/2024`, `31-05-2024` | by [`Dates`]: which of day and month is first is not in the text |
+//! | `31.05.2024`, `31.05.24` | day, month, year |
+//! | `31-May-2024`, `31-May-24`, `May 31, 2024`, `Fri May 31 … 2024` | the month by its name in English |
+//! | `5/31/2024`, `5/31/24`, `31-05-2024` | by [`Dates`]: which of day and month is first is not in the text |
 //! | none | time of day, which a next day continues |
 //!
 //! The time is `12:30`, `12:30:00.25`, `12:30:00,25`, `12:30:00:250` or, after a date, `12.30.00.25`; `AM` or `PM` may follow, or
@@ -178,17 +178,27 @@ pub(crate) fn date_of(text: &str, dates: Dates) -> Option<[i64; 3]> {
     let words = if words.len() == 4 && is_weekday(&first.get(..3)?) { &words[1..] } else { &words[..] };
     let [a, b, c] = words[..] else { return None };
     let number = |part: &str| part.bytes().all(|byte| byte.is_ascii_digit()).then(|| part.parse::<i64>().ok())?;
+    // Two digits are of 1969 to 2068, as for `%y` of POSIX.
+    let year = |part: &str| {
+        let year = number(part)?;
+        match part.len() {
+            4 => Some(year),
+            2 => Some(if year < 69 { 2000 + year } else { 1900 + year }),
+            _ => None,
+        }
+    };
     let date = match (month(a), month(b)) {
-        (Some(month), _) => [number(c)?, month, number(b)?],
+        (Some(month), _) => [year(c)?, month, number(b)?],
         (_, Some(month)) if a.len() == 4 => [number(a)?, month, number(c)?],
-        (_, Some(month)) if c.len() == 4 => [number(c)?, month, number(a)?],
+        (_, Some(month)) => [year(c)?, month, number(a)?],
         _ => {
             let [first, second, third] = [number(a)?, number(b)?, number(c)?];
             match (a.len(), c.len(), mark) {
                 (4, ..) => [first, second, third],
-                (_, 4, '.') => [third, second, first],
-                (_, 4, '-' | '/') if dates == Dates::DayFirst => [third, second, first],
-                (_, 4, '-' | '/') => [third, first, second],
+                (1 | 2, 2 | 4, '.') => [year(c)?, second, first],
+                // Two digits between dashes may be the year first.
+                (1 | 2, 4, '-') | (1 | 2, 2 | 4, '/') if dates == Dates::DayFirst => [year(c)?, second, first],
+                (1 | 2, 4, '-') | (1 | 2, 2 | 4, '/') => [year(c)?, first, second],
                 _ => return None,
             }
         }
@@ -269,11 +279,16 @@ mod tests {
             "2024-02-29 12.00.00.5 PM",
             "29/2/2024 12:00:00.5",
             "29-02-2024 12:00:00.500 pm",
+            "29.02.24 12:00:00,5",
+            "29/2/24 12:00:00.5",
+            "29-Feb-24 12:00:00.5",
         ] {
             assert_eq!(ns(text, Dates::DayFirst), Some(noon), "{text}");
         }
         assert_eq!(ns("2/29/2024 12:00:00.5 PM", Dates::MonthFirst), Some(noon));
         assert_eq!(ns("1970-01-01 00:00:00", Dates::DayFirst), Some(0));
+        assert_eq!(ns("1.1.70 00:00:00", Dates::DayFirst), Some(0));
+        assert_eq!(ns("05-06-07 00:00:00", Dates::DayFirst), None, "the year may be first");
         assert_eq!(ns("1970-01-01 12:00:01 AM", Dates::DayFirst), Some(NS));
         for wrong in [
             "",

@@ -337,7 +337,7 @@ fn time_is_found_by_what_its_numbers_do() {
 
 #[test]
 fn words_for_a_missing_value_are_empty_cells() {
-    for word in ["#N/A", "<NA>", "#DIV/0!", "#NAME?", "1.#QNAN", "-nan(ind)", "NaT", ".", "missing"] {
+    for word in ["#N/A", "<NA>", "#DIV/0!", "#NAME?", "1.#QNAN", "-nan(ind)", "NaT", ".", "missing", "-inf", "1e999"] {
         let rows: String = (0..6).map(|k| format!("{k},{}\n", if k % 3 == 1 { word } else { "0.5" })).collect();
         let table = converted(&format!("time_s,q1_deg\n{rows}"));
         assert_eq!((table.names[1].as_str(), table.rows[1][1].as_str()), ("q1_deg", ""), "{word}");
@@ -345,6 +345,24 @@ fn words_for_a_missing_value_are_empty_cells() {
     // A column with a unit has numbers, where most are.
     let table = converted("time_s,q1_deg\n0,1\n1,OVR\n2,3\n3,OVR\n4,5\n");
     assert_eq!((table.names[1].as_str(), table.rows[1][1].as_str()), ("q1_deg", ""));
+}
+
+#[test]
+fn a_number_far_from_all_others_is_questioned_and_left_out_on_request() {
+    let rows = |odd: &str| -> String {
+        let rows = (0..20).map(|k| format!("{k},{}\n", if k % 9 == 7 { odd.to_owned() } else { format!("{k}.5") }));
+        format!("time_s,q1_deg\n{}", rows.collect::<String>())
+    };
+    for (odd, is_questioned) in [("-9999", true), ("1e30", true), ("0", false), ("60", false)] {
+        let notes = converted(&rows(odd)).notes;
+        assert_eq!(notes.iter().any(|note| note.contains("--missing")), is_questioned, "{odd}: {notes:?}");
+    }
+    assert!(converted(&rows("-9999")).notes[0].contains("2 numbers are -9999, far from the others, 0.5 to 19.5"));
+    let mut recording = recording(rows("-9999").as_bytes()).unwrap();
+    recording.leave_out(&[-9999.0]);
+    let table = Table::new(&[recording.clone()], &proposal::propose(&recording, &[])).unwrap();
+    assert_eq!((table.rows[7][1].as_str(), table.rows[8][1].as_str()), ("", "8.5"));
+    assert!(table.notes[0].starts_with("2 of 20 rows have an empty cell"), "{:?}", table.notes);
 }
 
 #[test]

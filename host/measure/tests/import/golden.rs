@@ -27,7 +27,7 @@ fn names(recording: &Recording) -> Vec<&str> {
 
 fn mapping(entries: &[&str]) -> Mapping {
     let entries = entries.iter().map(|entry| entry.parse::<Entry>().unwrap()).collect();
-    Mapping { entries, units: Vec::new() }
+    Mapping { entries, ..Mapping::default() }
 }
 
 fn table(recording: &Recording, entries: &[&str]) -> Result<Table, ImportError> {

@@ -18,7 +18,7 @@ fn reported(name: &str, bytes: &[u8], entries: &[&str]) -> String {
     std::fs::write(&path, bytes).unwrap();
     let table = read(&path, Dialect::default()).and_then(|recording| {
         let entries: Vec<Entry> = entries.iter().map(|entry| entry.parse().unwrap()).collect();
-        let given = Mapping { entries, units: Vec::new() };
+        let given = Mapping { entries, ..Mapping::default() };
         let mapping = if given.entries.is_empty() { proposal::propose(&recording, &[]) } else { given };
         Table::new(&[recording], &mapping)
     });

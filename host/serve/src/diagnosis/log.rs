@@ -257,7 +257,7 @@ impl Reader {
             Self::Import(recording) => recording,
         };
         let entries = columns.iter().filter(|column| !column.quantity.is_empty()).map(entry);
-        let mapping = Mapping { entries: entries.collect::<Result<_, _>>()?, units: Vec::new() };
+        let mapping = Mapping { entries: entries.collect::<Result<_, _>>()?, ..Mapping::default() };
         let converted = table::Table::new(std::slice::from_ref(&**recording), &mapping)?;
         // Errors name the file that the person has sent.
         let name = data.path.file_name().expect("a sent file has a name");

@@ -1,24 +1,39 @@
-//! Values in CDR, the Common Data Representation of DDS, from their front.
+//! Values of messages of ROS 2 and ROS 1 from their front.
+//!
+//! ROS 2 has CDR, the Common Data Representation of DDS.
 //!
 //! Four bytes name the order of bytes; a number is aligned to its size, counted behind these four; a text is its length
 //! (u32, with the closing zero) and its bytes; a sequence is its length (u32) and its elements. Source: OMG, *DDS-XTypes*
 //! 1.3, section 7.4 (XCDR version 1, plain).
+//!
+//! ROS 1 has the same numbers, little-endian, without the four bytes, without alignment, and texts without a zero.
 
 /// A message that is read from its front.
 pub(super) struct Cdr<'a> {
     bytes: &'a [u8],
     at: usize,
     is_big_endian: bool,
+    is_ros_1: bool,
 }
 
 impl<'a> Cdr<'a> {
-    /// A message, or why it is none that is read.
+    /// A message of ROS 1.
+    pub(super) fn ros_1(bytes: &'a [u8]) -> Self {
+        Self { bytes, at: 0, is_big_endian: false, is_ros_1: true }
+    }
+
+    /// Whether it is one of ROS 1.
+    pub(super) fn is_ros_1(&self) -> bool {
+        self.is_ros_1
+    }
+
+    /// A message of ROS 2, or why it is none that is read.
     pub(super) fn new(message: &'a [u8]) -> Result<Self, String> {
         let Some((header, bytes)) = message.split_at_checked(4) else {
             return Err("the message has no header of CDR".into());
         };
         match header[..2] {
-            [0, kind @ (0 | 1)] => Ok(Self { bytes, at: 0, is_big_endian: kind == 0 }),
+            [0, kind @ (0 | 1)] => Ok(Self { bytes, at: 0, is_big_endian: kind == 0, is_ros_1: false }),
             [a, b] => {
                 Err(format!("the message is in the representation {a:#04x} {b:#04x}, only plain CDR (0 or 1) is read"))
             }
@@ -33,7 +48,9 @@ impl<'a> Cdr<'a> {
     }
 
     fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
-        self.at = self.at.next_multiple_of(N);
+        if !self.is_ros_1 {
+            self.at = self.at.next_multiple_of(N);
+        }
         let mut bytes: [u8; N] = self.take(N)?.try_into().ok()?;
         if self.is_big_endian {
             bytes.reverse();
@@ -56,6 +73,9 @@ impl<'a> Cdr<'a> {
     /// A text; `None` where its length does not fit or its closing zero is missing.
     pub(super) fn text(&mut self) -> Option<String> {
         let length = self.u32()? as usize;
+        if self.is_ros_1 {
+            return String::from_utf8(self.take(length)?.to_vec()).ok();
+        }
         match self.take(length)?.split_last() {
             None => Some(String::new()),
             Some((0, text)) => String::from_utf8(text.to_vec()).ok(),

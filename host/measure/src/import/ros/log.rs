@@ -117,7 +117,7 @@ fn add(log: &Log, topics: &mut BTreeMap<String, Topic>, limits: &Limits) -> Resu
         // A value takes up to 100 times its text: counted before it is parsed. Cells that a row does not have are there too.
         n_values += match channel.encoding.as_str() {
             "json" => max_values(&message.data),
-            "cdr" if message::is_known(&channel.schema) => 1 + message.data.len() / 8,
+            encoding if message::is_known(&channel.schema, encoding) => 1 + message.data.len() / 8,
             _ => 1,
         };
         // A key and its value are counted twice.
@@ -136,8 +136,9 @@ fn add(log: &Log, topics: &mut BTreeMap<String, Topic>, limits: &Limits) -> Resu
 impl Topic {
     fn message(&mut self, channel: &Channel, data: &[u8], log_ns: i64) -> Result<(), String> {
         match channel.encoding.as_str() {
-            "cdr" if message::is_known(&channel.schema) => {
-                let Message { stamp_ns, mut fields, unread } = message::read(&channel.schema, data, &mut self.joints)?;
+            encoding if message::is_known(&channel.schema, encoding) => {
+                let Message { stamp_ns, mut fields, unread } =
+                    message::read(&channel.schema, encoding, data, &mut self.joints)?;
                 unread.into_iter().for_each(|unread| *self.odd.entry(unread).or_default() += 1);
                 self.same_side(&mut fields);
                 // A header that nobody stamped.

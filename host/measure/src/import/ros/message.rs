@@ -1,4 +1,4 @@
-//! Messages of ROS 2 that are read: their fields as columns, in the units of REP 103.
+//! Messages of ROS 2 and ROS 1 that are read: their fields as columns, in the units of REP 103.
 
 use std::collections::HashSet;
 
@@ -14,18 +14,18 @@ pub(super) struct Message {
     pub(super) unread: Option<String>,
 }
 
-/// Types that are a header and numbers.
+/// Types that are a header and numbers, by their names in ROS 1; those in ROS 2 have `msg/` in between, and some programs leave it out.
 const STAMPED: [(&str, &[&str]); 5] = [
     (
-        "geometry_msgs/msg/PoseStamped",
+        "geometry_msgs/PoseStamped",
         &["position.x", "position.y", "position.z", "orientation.x", "orientation.y", "orientation.z", "orientation.w"],
     ),
-    ("geometry_msgs/msg/WrenchStamped", &["force.x", "force.y", "force.z", "torque.x", "torque.y", "torque.z"]),
-    ("geometry_msgs/msg/TwistStamped", &["linear.x", "linear.y", "linear.z", "angular.x", "angular.y", "angular.z"]),
-    ("geometry_msgs/msg/PointStamped", &["point.x", "point.y", "point.z"]),
-    ("geometry_msgs/msg/Vector3Stamped", &["vector.x", "vector.y", "vector.z"]),
+    ("geometry_msgs/WrenchStamped", &["force.x", "force.y", "force.z", "torque.x", "torque.y", "torque.z"]),
+    ("geometry_msgs/TwistStamped", &["linear.x", "linear.y", "linear.z", "angular.x", "angular.y", "angular.z"]),
+    ("geometry_msgs/PointStamped", &["point.x", "point.y", "point.z"]),
+    ("geometry_msgs/Vector3Stamped", &["vector.x", "vector.y", "vector.z"]),
 ];
-const JOINT_STATE: &str = "sensor_msgs/msg/JointState";
+const JOINT_STATE: &str = "sensor_msgs/JointState";
 
 /// Units of fields by what their names begin with; those of joints are of revolute ones.
 const UNITS: [(&str, &str); 9] = [
@@ -41,21 +41,31 @@ const UNITS: [(&str, &str); 9] = [
 ];
 const JOINT_UNITS: [(&str, &str); 3] = [("position.", "rad"), ("velocity.", "rad/s"), ("effort.", "N·m")];
 
-/// Whether messages of this type are read.
-pub(super) fn is_known(kind: &str) -> bool {
-    kind == JOINT_STATE || STAMPED.iter().any(|(known, _)| *known == kind)
+/// The name of a type in ROS 1.
+fn in_ros_1(kind: &str) -> String {
+    kind.replacen("/msg/", "/", 1)
+}
+
+/// Whether messages of this type in this encoding are read.
+pub(super) fn is_known(kind: &str, encoding: &str) -> bool {
+    let kind = in_ros_1(kind);
+    matches!(encoding, "cdr" | "ros1") && (kind == JOINT_STATE || STAMPED.iter().any(|(known, _)| *known == kind))
 }
 
 /// The unit of a field of a type.
 pub(super) fn unit(kind: &str, field: &str) -> Option<String> {
-    let units = if kind == JOINT_STATE { &JOINT_UNITS[..] } else { &UNITS };
+    let units = if in_ros_1(kind) == JOINT_STATE { &JOINT_UNITS[..] } else { &UNITS };
     units.iter().find(|(start, _)| field.starts_with(start)).map(|(_, unit)| (*unit).to_owned())
 }
 
 /// A message of a type that [`is_known`], or what is wrong with it; `joints` are the names of the last message that had some.
-pub(super) fn read(kind: &str, bytes: &[u8], joints: &mut Vec<String>) -> Result<Message, String> {
-    let mut cdr = Cdr::new(bytes)?;
+pub(super) fn read(kind: &str, encoding: &str, bytes: &[u8], joints: &mut Vec<String>) -> Result<Message, String> {
+    let (kind, mut cdr) = (in_ros_1(kind), if encoding == "ros1" { Cdr::ros_1(bytes) } else { Cdr::new(bytes)? });
     let cut = || "the message ends early or holds a wrong length: the log is damaged".to_owned();
+    // The header of ROS 1 begins with a number of the message.
+    if cdr.is_ros_1() {
+        cdr.u32().ok_or_else(cut)?;
+    }
     let (seconds, nanoseconds) = cdr.i32().zip(cdr.u32()).ok_or_else(cut)?;
     let _frame = cdr.text().ok_or_else(cut)?;
     let stamp_ns = i64::from(seconds) * 1_000_000_000 + i64::from(nanoseconds);
@@ -131,10 +141,28 @@ mod tests {
     }
 
     #[test]
+    fn a_message_of_ros_1_has_no_alignment_and_a_number_before_its_stamp() {
+        let texts = |text: &str| [&(text.len() as u32).to_le_bytes(), text.as_bytes()].concat();
+        let number = |number: u32| number.to_le_bytes().to_vec();
+        let header = [number(7), number(5), number(250_000_000), texts("")];
+        let names = [number(2), texts("a"), texts("bcd")];
+        let positions =
+            [number(2), 1.5f64.to_le_bytes().to_vec(), (-2.0f64).to_le_bytes().to_vec(), number(0), number(0)];
+        let bytes = [header.concat(), names.concat(), positions.concat()].concat();
+        for kind in ["sensor_msgs/JointState", "sensor_msgs/msg/JointState"] {
+            assert!(is_known(kind, "ros1") && !is_known(kind, "protobuf"));
+            let message = read(kind, "ros1", &bytes, &mut Vec::new()).unwrap();
+            assert_eq!(message.stamp_ns, 5_250_000_000);
+            assert_eq!(message.fields, [("position.a".to_owned(), 1.5), ("position.bcd".to_owned(), -2.0)]);
+            assert!(read(kind, "ros1", &bytes[..bytes.len() - 5], &mut Vec::new()).is_err(), "cut");
+        }
+    }
+
+    #[test]
     fn joints_without_names_have_those_of_a_message_before_and_equal_names_are_none() {
         let mut joints = Vec::new();
         let mut fields = |names: &[&str]| {
-            let message = read(JOINT_STATE, &joint_state(names, &[1.0, 2.0]), &mut joints).unwrap();
+            let message = read(JOINT_STATE, "cdr", &joint_state(names, &[1.0, 2.0]), &mut joints).unwrap();
             message.fields.into_iter().map(|(name, _)| name).collect::<Vec<_>>().join(" ")
         };
         assert_eq!(fields(&["a", "a"]), "position.1 position.2");
