@@ -38,6 +38,8 @@ use crate::scan::{Scanner, Stop};
 
 /// Bytes that wait for `work`: three chunks of an upload.
 const INBOX: usize = 1152;
+/// No text has this byte, and a frame with one more is damaged.
+const SPOILS: u8 = 0x15;
 /// Bytes that `work` takes at once.
 const PIECE: usize = 8;
 
@@ -56,12 +58,30 @@ impl Inbox {
     }
 
     /// Waits for bytes that came after every stop: where one is not yet answered, for its answer.
-    async fn read(&self, bytes: &mut [u8; PIECE]) -> usize {
+    async fn read(&self, bytes: &mut [u8; PIECE], shared: &Shared<'_>) -> usize {
         let mut read = pin!(self.bytes.read(bytes));
         poll_fn(|context| {
-            self.taking.lock(|()| if self.stop.signaled() { Poll::Pending } else { read.as_mut().poll(context) })
+            self.taking.lock(|()| if self.is_stopped(shared) { Poll::Pending } else { read.as_mut().poll(context) })
         })
         .await
+    }
+
+    /// Whether a stop has come, or the emergency stop was pressed, and nobody has dropped what was received before.
+    fn is_stopped(&self, shared: &Shared<'_>) -> bool {
+        self.stop.signaled() || shared.pressed.signaled()
+    }
+
+    /// Waits for a stop, which is to be answered, or for the emergency stop, which nobody has sent. What was received before it is gone
+    /// then.
+    async fn stopped(&self, shared: &Shared<'_>) -> Option<Stop> {
+        match select(self.stop.wait(), shared.pressed.wait()).await {
+            Either::First(stop) => Some(stop),
+            Either::Second(()) => {
+                // Byte by byte: no interrupt waits for all of them.
+                while self.taking.lock(|()| self.bytes.pop()).is_some() {}
+                None
+            }
+        }
     }
 }
 
@@ -85,12 +105,16 @@ pub async fn serve<F: NorFlash, C: Clock + Copy>(
     }
 }
 
-/// Receives. What does not fit the inbox is lost, and its sender asks again; a stop never is.
+/// Receives. What does not fit the inbox is lost with its line or frame, and its sender asks again; a stop never is.
 pub async fn scan(inbox: &Inbox, shared: &Shared<'_>, reader: &mut impl Read) -> ! {
     let mut scanner = Scanner::default();
     let mut bytes = [0; 64];
+    let mut is_lossy = false;
     loop {
-        let n = reader.read(&mut bytes).await.unwrap_or(0);
+        let n = reader.read(&mut bytes).await.unwrap_or_else(|_| {
+            is_lossy = true;
+            0
+        });
         for &byte in bytes.iter().take(n) {
             match scanner.push(byte) {
                 Some(stop) => {
@@ -99,7 +123,9 @@ pub async fn scan(inbox: &Inbox, shared: &Shared<'_>, reader: &mut impl Read) ->
                     inbox.stop.signal(stop);
                 }
                 None => {
-                    inbox.bytes.push_slice(&[byte]);
+                    // The line in which bytes were lost is none, nor the one that they would join to it.
+                    is_lossy = is_lossy && inbox.bytes.push_slice(&[SPOILS]) == 0;
+                    is_lossy |= inbox.bytes.push_slice(&[byte]) == 0;
                 }
             }
         }
@@ -122,16 +148,20 @@ pub async fn work<F: NorFlash, C: Clock + Copy>(
     loop {
         // All futures may be dropped half-way: none takes anything before it is ready.
         let shared = dispatcher.shared;
-        match select4(inbox.stop.wait(), inbox.read(&mut bytes), shared.events.next(), dispatcher.seek()).await {
+        match select4(inbox.stopped(shared), inbox.read(&mut bytes, shared), shared.events.next(), dispatcher.seek())
+            .await
+        {
             Either4::First(stop) => {
                 port = Port::default();
-                out.confirm(stop, shared).await;
+                if let Some(stop) = stop {
+                    out.confirm(stop, shared).await;
+                }
             }
             Either4::Second(n) => {
                 for &byte in bytes.iter().take(n) {
                     // What was received before a stop is not done after it: one that comes from here on refuses it.
                     dispatcher.begin_item();
-                    if inbox.stop.signaled() {
+                    if inbox.is_stopped(shared) {
                         break;
                     }
                     let Some(item) = port.push(byte, dispatcher.clock.now()) else { continue };
@@ -187,13 +217,14 @@ async fn watch<T, K: Clock, W: Write>(
     let mut work = pin!(work);
     let mut stopped = false;
     let done = loop {
-        let stop = match select(&mut work, inbox.stop.wait()).await {
+        let stop = match select(&mut work, inbox.stopped(shared)).await {
             Either::First(done) => break done,
             Either::Second(stop) => stop,
         };
         stopped = true;
         out.is_cut.set(true);
         out.cut.signal(());
+        let Some(stop) = stop else { continue };
         let mut confirmed = pin!(out.confirm(stop, shared));
         if let Either::First(done) = select(&mut work, &mut confirmed).await {
             confirmed.await;

@@ -31,6 +31,7 @@ use darm_core::wire::bootstrap::Servos;
 use darm_core::wire::message::OutputState;
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::signal::Signal;
 
 use crate::inputs::InputLog;
 use crate::ring::Ring;
@@ -112,6 +113,8 @@ pub struct Shared<'t> {
     /// Stops that were requested, and those that have been done.
     stops: AtomicU32,
     stops_done: AtomicU32,
+    /// The emergency stop was pressed: what has been received and not yet done is dropped, as behind any stop.
+    pub(crate) pressed: Signal<Raw, ()>,
     /// There may be servos that no profile knows.
     has_lost_servos: AtomicBool,
     /// Visits of servos that got no answer.
@@ -137,6 +140,7 @@ impl<'t> Shared<'t> {
             joints: Mutex::new(Cell::new([None; MAX_SERVOS])),
             stops: AtomicU32::new(0),
             stops_done: AtomicU32::new(0),
+            pressed: Signal::new(),
             has_lost_servos: AtomicBool::new(false),
             servos_unanswered: AtomicU32::new(0),
             chain_errors: AtomicU32::new(0),
@@ -342,6 +346,7 @@ impl<'t> Control<'t> {
         if is_new_press {
             // It has latched the safe state; what was requested before it must not act once it is released.
             shared.stop();
+            shared.pressed.signal(());
         }
         // A tick that switched coils has done enough; the order waits for the next one, and never longer.
         self.waited = self.next_event != events_before && !self.waited;

@@ -6,6 +6,7 @@
 //!                   │  ▲ 00 at once: this zero opened it
 //!                   └──┘
 //!   Frame ── silence of 100 ms ──► Text
+//!   Text ── silence of 30 s ──► Text without a line that has begun
 //! ```
 //!
 //! After a lost zero the parser is out of step for one frame only: the closing zero of that frame opens the next,
@@ -15,6 +16,8 @@ use darm_core::wire::frame::MAX_FRAME;
 
 /// Silence after which an open frame is given up.
 pub const SILENCE: Micros = Micros::from_millis(100);
+/// Silence after which a line that nobody has ended is given up: whoever presses Enter later means something else.
+pub const LINE_SILENCE: Micros = Micros::from_millis(30_000);
 /// What a board queues for the line, bytes: they leave at 11.5 a millisecond, and what confirms a stop leaves behind them within 20 ms.
 pub const QUEUE: usize = 128;
 /// Spaces in a row that count, here and for the scanner of stops: more would push the word out of the characters that it remembers.
@@ -52,7 +55,7 @@ impl Default for Port {
 impl Port {
     /// Takes the next byte, received at `now`.
     pub fn push(&mut self, byte: u8, now: Micros) -> Option<Item<'_>> {
-        if self.in_frame && now - self.last > SILENCE {
+        if now - self.last > if self.in_frame { SILENCE } else { LINE_SILENCE } {
             self.begin(false);
         }
         self.last = now;
@@ -157,6 +160,15 @@ mod tests {
         assert_eq!(items(&[&[b'x'; 200][..], b"\rid\r"].concat()), ["!", "id"]);
         assert_eq!(items(&[b"\0", &[b'x'; 400][..], b"\0id\r"].concat()), ["!", "id"]);
         assert_eq!(items(b"i\xffd\rid\r"), ["!", "id"]);
+    }
+
+    #[test]
+    fn silence_ends_an_open_line() {
+        for (silence_ms, line) in [(30_000, Some(Item::Line("coil 0 on 400"))), (30_001, None)] {
+            let mut port = Port::default();
+            b"coil 0 on 400".iter().for_each(|byte| assert_eq!(port.push(*byte, Micros(0)), None));
+            assert_eq!(port.push(b'\r', Micros::from_millis(silence_ms)), line, "{silence_ms} ms");
+        }
     }
 
     #[test]

@@ -66,6 +66,8 @@ const RANGE_MARGIN_STEPS: i16 = (RANGE_MARGIN_RAD * (SERVO_STEPS_PER_TURN / TAU)
 const REPORT_STEPS_S: f32 = 100.0;
 /// Farther than this from what it is to hold a servo was moved, steps: 0.1 rad, twice what the load of a sound arm bends it.
 const STRAY_STEPS: u16 = 65;
+/// After another target a servo may turn on at its speed for as long as [`SETTLE_VISITS`] take, s.
+const BRAKE_S: f32 = 0.3;
 /// Over this time the mean speed of a servo is judged: the noise of the two places, 16 steps, is then 80 steps/s, 0.12 rad/s.
 const SPEED_SPAN: Micros = Micros::from_millis(200);
 /// Visits in which a servo brakes, or turns round, after another order.
@@ -135,8 +137,12 @@ struct Known {
     goal: Option<i16>,
     /// What it is to do is its first order since the start.
     is_first: bool,
-    /// Steps from its target, at the nearest since it set off.
-    nearest: u16,
+    /// Steps that it has gone away from its targets and has not come back: another target forgives none of them.
+    away: i32,
+    /// Of these, those that it may need to brake: what it turns in [`BRAKE_S`] at the speed that it had when its target changed.
+    brake: i32,
+    /// The speed that its last answer reports, steps/s.
+    speed: u16,
     progress: Progress,
     /// Visits since it was done.
     visits: u8,
@@ -473,7 +479,8 @@ impl Known {
     /// turned. On a worn cable each second answer may be lost: what the one before breached is not forgotten for that.
     fn miss(&mut self, error: BusError) {
         if self.is_missed {
-            self.breach = None;
+            // Out of its range, or away from its goal, it is wherever it was before.
+            self.breach = self.breach.filter(|breach| *breach != ServoBreach::Speed);
             if error != BusError::Doubtful {
                 (self.place, self.span_from) = (None, None);
             }
@@ -485,6 +492,15 @@ impl Known {
     /// Begins another action, or continues the same one.
     fn begin(&mut self, action: ServoAction) {
         if self.action != Some(action) {
+            let (was_going, brake) = (self.action.as_ref().is_some_and(goes), (BRAKE_S * f32::from(self.speed)) as i32);
+            // Until it has come back from where it braked before that counts too.
+            let is_back = f32::from(self.away as i16) <= place::NOISE_STEPS;
+            (self.away, self.brake) = match was_going {
+                true if is_back => (self.away, brake),
+                true => (self.away, self.brake.max(brake)),
+                // Its load may bend it before it has torque.
+                false => (0, brake.max(i32::from(STRAY_STEPS))),
+            };
             // One that goes has no position that it holds.
             self.is_first = self.action.is_none();
             (self.action, self.progress, self.goal, self.settling) = (Some(action), Progress::Due, None, SETTLE_VISITS);
@@ -496,6 +512,7 @@ impl Known {
     /// be damaged; or in this one alone, where a vote shows it far from `before`, where it was then, or from where it was a while ago.
     fn judge(&mut self, limit: &ServoWiring, before: Option<Place>, sample: &Sample) -> Option<ServoBreach> {
         self.settling = self.settling.saturating_sub(1);
+        self.speed = sample.place.speed;
         let (breach, last) = (self.breach(limit, before, sample), self.breach);
         self.breach = breach;
         let reported = breach.filter(|_| last.is_some() || sample.has_jumped);
@@ -519,6 +536,7 @@ impl Known {
     }
 
     fn breach(&mut self, limit: &ServoWiring, before: Option<Place>, sample: &Sample) -> Option<ServoBreach> {
+        let has_strayed = self.has_strayed(limit, before, sample.place.steps);
         let range = limit.min_rad - RANGE_MARGIN_RAD..=limit.max_rad + RANGE_MARGIN_RAD;
         let allowed = place::limit_steps_s(limit);
         let is_farther =
@@ -528,7 +546,7 @@ impl Known {
             Some(ServoBreach::Range)
         } else if reports_speed || before.is_some_and(is_farther) {
             Some(ServoBreach::Speed)
-        } else if self.has_strayed(limit, sample.place.steps) {
+        } else if has_strayed {
             Some(ServoBreach::Moved)
         } else {
             None
@@ -536,12 +554,17 @@ impl Known {
     }
 
     /// Whether it leaves what it holds, or its target. One without torque may be moved by hand.
-    fn has_strayed(&mut self, limit: &ServoWiring, at: i16) -> bool {
+    fn has_strayed(&mut self, limit: &ServoWiring, before: Option<Place>, at: i16) -> bool {
         match self.action {
             Some(ServoAction::Go(target)) => {
-                let distance = at.abs_diff(steps(target.angle_rad.clamp(limit.min_rad, limit.max_rad)) as i16);
-                self.nearest = if self.settling > 0 { distance } else { self.nearest.min(distance) };
-                distance > self.nearest.saturating_add(STRAY_STEPS)
+                let goal = steps(target.angle_rad.clamp(limit.min_rad, limit.max_rad)) as i16;
+                let distance = |at: i16| i32::from(at.abs_diff(goal));
+                let farther = before.map_or(0, |before| distance(at).saturating_sub(distance(before.steps)));
+                self.away = self.away.saturating_add(farther).max(0);
+                if self.settling == 0 {
+                    self.brake = self.brake.min(self.away);
+                }
+                self.away > self.brake.saturating_add(i32::from(STRAY_STEPS))
             }
             Some(ServoAction::Hold) => {
                 self.settling == 0 && self.goal.is_some_and(|goal| goal.abs_diff(at) > STRAY_STEPS)

@@ -260,8 +260,11 @@ impl<'t> Sequencer<'t> {
             Command::Servo { servo, angle_rad } => self.turn_servo(servo, angle_rad)?,
             Command::Play | Command::Stop | Command::Clear => {}
         }
-        self.is_armed = true;
-        self.phase = Phase::Manual;
+        // Where nothing runs there is nothing to switch off, and nothing that a silent servo would have to stop.
+        if drives || !self.is_idle() {
+            self.is_armed = true;
+            self.phase = Phase::Manual;
+        }
         Ok(())
     }
 

@@ -99,6 +99,8 @@ pub struct ArmPlan {
     pub stop_opens: bool,
     /// Below this supply of the board the safe state is latched, mV.
     pub min_supply_mv: Option<u16>,
+    /// Share of the longest time to the stop that the actuators need.
+    pub travel_share: f64,
 }
 
 impl ArmPlan {
@@ -109,8 +111,16 @@ impl ArmPlan {
         let mut lines: Vec<u8> = (0..top).collect();
         lines.shuffle(rng);
         let (coils, actuators, servos) = (Vec::new(), Vec::new(), Vec::new());
-        let mut arm =
-            Self { coils, actuators, servos, new_loads: 0, budget_ms: 0, stop_opens: false, min_supply_mv: None };
+        let mut arm = Self {
+            coils,
+            actuators,
+            servos,
+            new_loads: 0,
+            budget_ms: 0,
+            stop_opens: false,
+            min_supply_mv: None,
+            travel_share: 0.0,
+        };
         for index in 0..rng.random_range(1..=8u8) {
             let states = *[2, 2, 2, 3, 4].get(rng.random_range(0..5usize)).unwrap_or(&2);
             let kind = rng.random_range(0..4u8);
@@ -132,6 +142,7 @@ impl ArmPlan {
                 bend_steps: rng.random_range(-MAX_BEND_STEPS..=MAX_BEND_STEPS),
             });
         }
+        arm.travel_share = rng.random_range(0.2..0.9);
         arm.new_loads = rng.random_range(2..=6);
         // A board keeps its supply over resets; only a window that is longer than a start shows that.
         arm.budget_ms = match rng.random_range(0..8u8) {

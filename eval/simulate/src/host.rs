@@ -141,7 +141,7 @@ impl<'s> Host<'s> {
             HostAct::Supply(form) => return self.supply(form, seed),
             HostAct::WearOut(tables) => return self.wear_out(tables, seed),
             HostAct::LateHello => return self.late_hello(seed),
-            HostAct::WriteProfile(is_attended) => return self.write_profile(is_attended),
+            HostAct::WriteProfile(is_attended) => return self.write_profile(is_attended, seed),
             HostAct::PlayContradicted(is_closed) => return self.play_contradicted(is_closed, seed),
             HostAct::QuickLatch => return self.quick_latch(seed),
             HostAct::PeakOverReset => return self.peak_over_reset(seed),

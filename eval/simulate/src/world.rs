@@ -138,6 +138,10 @@ pub struct World {
     pushed_ns: u64,
     /// The kind of the disturbance that ended last, and when, until the host gets through again.
     recovering: Option<(&'static str, u64)>,
+    /// When somebody asked first for the program that is to begin next, on a connection that is open.
+    played_ns: Option<u64>,
+    /// The challenge that the board has answered last.
+    heard_challenge: Option<u64>,
     /// Since when the host tries to get through.
     tried_ns: Option<u64>,
     /// How long the host needed after each disturbance, from its first try on, ms.
@@ -154,6 +158,7 @@ impl World {
         let (wiring, profile) = (script.arm.wiring(), script.arm.profile());
         let mut plant = Plant::new(&wiring, &[]);
         plant.bend_servos(&script.arm.servos.iter().map(|servo| servo.bend_steps).collect::<Vec<_>>());
+        plant.set_travel_share(script.arm.travel_share);
         plant.add_servo(STRANGER);
         let mut bench = Bench::new(plant, MemoryFlash::with_profile_on(script.chip, &profile.image()));
         bench.set_clock_error(script.clock_ppm);
@@ -208,6 +213,8 @@ impl World {
             is_chain_short: false,
             pushed_ns: 0,
             recovering: None,
+            played_ns: None,
+            heard_challenge: None,
             tried_ns: None,
             recoveries: Vec::new(),
             injected: BTreeMap::new(),
@@ -458,6 +465,7 @@ impl World {
         }
         self.wear.on_start(now_ns, power_was_off);
         self.ended_ns = self.ended_ns.max(now_ns);
+        self.played_ns = None;
         (self.ran_ticks, self.pressed_ticks, self.enable_ticks) = (0, 0, 0);
         self.pins.on_first_return(!self.bench.chain_faults().return_cut);
     }

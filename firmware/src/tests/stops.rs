@@ -1,5 +1,6 @@
 //! What a stop ends, and what cannot keep it from acting.
 
+use darm_core::profile::{EmergencyStop, Profile};
 use darm_core::sequencer::{Command, CommandError};
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap;
@@ -7,7 +8,7 @@ use darm_core::wire::message::{Answer, Calibration, Refusal, Request};
 use embassy_futures::select::select;
 use embassy_futures::yield_now;
 
-use super::fakes::{profile, profile_image, run, table};
+use super::fakes::{Cells, profile, profile_image, run, table, table_under};
 use super::{Bench, LINK, loaded};
 use crate::app::serve;
 use crate::pipe::{Pipe, PipeReader, PipeWriter};
@@ -17,8 +18,8 @@ const STOPPED: Result<Answer, Refusal> = Err(Refusal::Command(CommandError::Stop
 
 /// Serves the console for so long; `each` is called in every millisecond with what has passed, to type and to read as much
 /// as a line of 115 200 baud brings.
-fn serve_for(bench: &Bench, millis: u64, mut each: impl FnMut(u64, &Pipe<1024>, &str)) {
-    let (input, output) = (Pipe::<1024>::new(), Pipe::<QUEUE>::new());
+fn serve_for(bench: &Bench, millis: u64, mut each: impl FnMut(u64, &Pipe<2048>, &str)) {
+    let (input, output) = (Pipe::<2048>::new(), Pipe::<QUEUE>::new());
     let mut dispatcher = bench.dispatcher.borrow_mut();
     let (mut reader, mut writer) = (PipeReader(&input), PipeWriter(&output));
     let begun = bench.clock.0.get();
@@ -325,4 +326,55 @@ fn the_emergency_stop_ends_every_connection() {
     let late = [Command::Clear, Command::Coil { coil: 0, on_ms: 400 }].map(|command| bench.command(command));
     bench.pass_ms(5);
     assert_eq!((bench.outputs.get().lines, &late[1]), (0, &STOPPED), "Clear: {:?}", late[0]);
+}
+
+/// Forty texts of 84 ms each are on their way when the emergency stop is pressed; behind them wait a `clear` and a command.
+#[test]
+fn what_waits_on_the_line_when_the_emergency_stop_is_pressed_does_not_act_after_its_release() {
+    let stops = Profile { emergency_stop: Some(EmergencyStop { input: 12, opens: false }), ..profile() };
+    let stops = Profile { digest: profile_image(&stops).0.digest, ..stops };
+    for (pressed, waits) in [(300..1_300, true), (300..1_300, false), (0..0, true)] {
+        let bench = Bench::new(Cells::under(&stops));
+        bench.connect();
+        assert_eq!(bench.upload(&table_under(&stops, 1, 4, false, &[])), Ok(Answer::Committed { rows: 4 }));
+        let (mut lit, command) = (None, b"clear\rcoil 0 on 400\r");
+        serve_for(&bench, 6_000, |ms, input, _| {
+            if ms == 1 {
+                input.push_slice(&b"help\r".repeat(40));
+            }
+            if ms == if waits { 2 } else { 1_400 } {
+                input.push_slice(command);
+            }
+            bench.stuck.set(pressed.contains(&ms).then_some(1 << 12));
+            if bench.outputs.get().lines != 0 {
+                lit.get_or_insert(ms);
+            }
+        });
+        // Typed after the release it acts, and at once: the texts are gone.
+        assert_eq!(lit.is_some(), !waits || pressed.is_empty(), "{pressed:?} {waits}: {lit:?}");
+        assert!(waits || lit.is_some_and(|ms| ms < 1_600), "{lit:?}");
+    }
+}
+
+/// More is typed than the board keeps while it prints: the line that lost its end does not go on with the next one.
+#[test]
+fn bytes_that_are_lost_join_no_two_lines() {
+    for pad in 0..29 {
+        let bench = loaded();
+        let mut lit = false;
+        serve_for(&bench, 3_200, |ms, input, _| {
+            if ms == 1 {
+                input.push_slice(b"help\r");
+            }
+            if ms == 5 {
+                let lines = b"coil 0 off\rcoil 1 on 4\rid 100\r".repeat(48);
+                input.push_slice(&[&b"?".repeat(pad), b"\r".as_slice(), &lines].concat());
+            }
+            if ms == 3_000 {
+                input.push_slice(b"000\r");
+            }
+            lit |= ms >= 3_000 && bench.outputs.get().lines & 2 != 0;
+        });
+        assert!(!lit, "{pad} bytes before: nobody typed `coil 1 on 4000`");
+    }
 }

@@ -171,11 +171,11 @@ impl Hub {
         is_abandoned
     }
 
-    /// Stops an arm that is moved by hand; a program continues.
-    pub(crate) fn stop_by_hand(&self) {
+    /// Stops an arm that is moved by hand; a program continues. False where that was necessary and is not confirmed: the link is lost and
+    /// pages say so, and the limits of the board hold.
+    pub(crate) fn stop_by_hand(&self) -> bool {
         let is_manual = self.state().board.as_ref().is_some_and(|board| board.phase.name == "manual");
-        // Where it cannot be sent, the link is lost and pages say so; the limits of the board hold.
-        let _ = is_manual.then(|| self.stop());
+        !is_manual || self.stop().is_ok_and(|confirmation| confirmation != Confirmation::Missing)
     }
 
     /// Number of stops so far.

@@ -39,11 +39,13 @@ pub(crate) struct Watcher {
     /// When a connection was opened that no stop of a page had ended, but the board, or whoever stopped it: what was ordered before that
     /// is not sent.
     opened: Instant,
+    /// A page has gone with its control, and what it moved by hand is not known to rest.
+    is_abandoned: bool,
 }
 
 impl Watcher {
     pub(crate) fn new(hub: Arc<Hub>, open: Opener, orders: Receiver<Order>) -> Self {
-        Self { hub, open, orders, stops_at_hello: None, opened: Instant::now() }
+        Self { hub, open, orders, stops_at_hello: None, opened: Instant::now(), is_abandoned: false }
     }
 
     /// Runs until the server ends.
@@ -73,7 +75,7 @@ impl Watcher {
         loop {
             let due = Instant::now() + PERIOD;
             // Before the look: it sees what the page has ordered last.
-            let is_abandoned = self.hub.is_abandoned();
+            self.is_abandoned |= self.hub.is_abandoned();
             match observer.look(client) {
                 Err(ClientError::Refused(Refusal::NotConnected)) => match self.say_hello(client) {
                     Ok(()) => observer = Observer::new(Arc::clone(&self.hub), client),
@@ -82,8 +84,12 @@ impl Watcher {
                 Err(error) => return error,
                 Ok(()) => {}
             }
-            if is_abandoned {
-                self.hub.stop_by_hand();
+            self.is_abandoned = self.is_abandoned && !self.hub.stop_by_hand();
+            // At once after a stop of a page: while no connection is open, nobody would notice a stop of somebody else.
+            if self.stops_at_hello != Some(self.hub.stops())
+                && let Err(error) = self.say_hello(client)
+            {
+                return error;
             }
             while let Some(order) = self.next_order(due) {
                 self.execute(client, order);

@@ -15,7 +15,7 @@ use crate::arm::Table;
 use crate::judge::reports::Ending;
 use crate::script::{StopForm, TurnFault};
 use crate::words;
-use crate::world::{self, ALL_SWITCHES, BACK_MS, Party};
+use crate::world::{self, ALL_SWITCHES, BACK_MS, Opened, Party, World};
 
 /// No program of a script lasts longer, s.
 const LONGEST_PROGRAM_S: u32 = 25;
@@ -258,16 +258,22 @@ impl Host<'_> {
         if !world::with(|world| world.pins.has_supply(world.now_ns(), loads)) {
             return;
         }
-        for (coil, on_ms) in [(first, 2 * PULSE_MS), (second, PULSE_MS)] {
+        let sent_ns = world::with(|world| world.now_ns());
+        let pulses = [(first, 2 * PULSE_MS), (second, PULSE_MS)];
+        for (coil, on_ms) in pulses {
             if self.command("pulse", Command::Coil { coil, on_ms }) == Ending::Unknown {
                 // The line may hold a copy back that acts later.
                 return;
             }
+            world::pass(PULSE_MS.into());
         }
         world::pass(SETTLE_MS);
         world::with(|world| {
             if world.is_undisturbed_since(began_ns) && world.has_supply_alone(Party::First, began_ns) {
                 world.reports.on_pulses_over(world.now_ns(), world.pins.high());
+                for (coil, on_ms) in pulses {
+                    world.judge_length(coil, sent_ns, on_ms);
+                }
             }
         });
     }
@@ -340,6 +346,7 @@ impl Host<'_> {
             return;
         }
         world::pass(STOP_MS);
+        world::with(World::hurry);
         if form != StopForm::Input {
             world::with(|world| {
                 world.on_stop(began_ns);
@@ -373,6 +380,12 @@ impl Host<'_> {
         if !self.is_own_table_at_rest() {
             return;
         }
+        let link = (seed >> 32) as u32 | 1;
+        if seed >> 2 & 1 == 1 {
+            world::with(|world| world.ask_challenge(link));
+            world::pass(5);
+        }
+        let asked = world::with(|world| world.heard_challenge().filter(|_| seed >> 2 & 1 == 1));
         // Half of them on the connection in use, after one more stop.
         if seed & 1 == 1 {
             let began_ns = world::with(|world| world.now_ns());
@@ -382,7 +395,10 @@ impl Host<'_> {
             world::with(|world| world.on_stop(began_ns));
         }
         world::with(|world| {
-            if let Some(opened) = world.ended_link(seed >> 1) {
+            // A challenge of before the stop opens nothing after it.
+            let late = |challenge| Opened { link, challenge, at_ns: rest_ns };
+            let opened = asked.filter(|_| seed & 1 == 1).map(late).or_else(|| world.ended_link(seed >> 1));
+            if let Some(opened) = opened {
                 world.send_commands_of_before(opened, seed, rest_ns);
             }
         });
@@ -682,20 +698,31 @@ impl Host<'_> {
         }
     }
 
-    /// The same profile again, with a person at the button or without.
-    pub(super) fn write_profile(&mut self, is_attended: bool) {
+    /// The same profile again, with a person at the button or without; or another one, and the person lets go once it is on its way.
+    pub(super) fn write_profile(&mut self, is_attended: bool, seed: u64) {
         if !self.halt() {
             return;
         }
-        world::with(|world| world.attend(is_attended));
+        let is_attended = world::with(|world| world.attend(is_attended));
+        let lets_go = is_attended && seed & 1 == 1;
         world::pass(50);
-        let image = self.script.arm.profile().image();
+        let profile = if lets_go { self.script.arm.tighter_profile() } else { self.script.arm.profile() };
         if let Some(client) = self.client() {
-            let result = client.upload(&image, &mut |_| {});
+            let result = client.upload(&profile.image(), &mut |_| {
+                if lets_go {
+                    world::with(|world| world.attend(false));
+                }
+            });
             self.note("profile", result);
         }
         world::pass(SETTLE_MS);
         world::with(|world| world.attend(false));
-        self.renew();
+        let is_open = self.renew();
+        let in_force = self.client.as_ref().and_then(|(client, _)| client.hello()).map(|hello| hello.profile);
+        if lets_go && !(is_open && in_force == Some(self.script.arm.profile().profile.digest)) {
+            // Somebody else pressed the button meanwhile.
+            world::with(World::on_profile_replaced);
+            self.put_profile(&self.script.arm.profile());
+        }
     }
 }

@@ -81,7 +81,7 @@ impl Host<'_> {
     }
 
     /// A person at the button replaces the profile; whether the board says that this one is in force.
-    fn put_profile(&mut self, profile: &BoardProfile) -> bool {
+    pub(super) fn put_profile(&mut self, profile: &BoardProfile) -> bool {
         if !self.halt() || !world::with(|world| world.attend(true)) {
             return false;
         }

@@ -75,8 +75,10 @@ pub fn command_and_stop(rng: &mut ChaCha8Rng, coils: u8) -> Sent {
         1 => request(rng.random(), number, &Request::Command(Command::Stop)),
         _ => b"stop\r".to_vec(),
     };
-    let bytes = [format!("{what}\r").as_bytes(), &stop, &stop].concat();
-    Sent { bytes, what: format!("{what}, stop") }
+    // The board takes 64 bytes at once: a command of the first ones may wait for its tick when the stop is found.
+    let between = b"\r".repeat(rng.random_range(0..100));
+    let bytes = [format!("{what}\r").as_bytes(), &between, &stop, &stop].concat();
+    Sent { bytes, what: format!("{what}, {} empty lines, stop", between.len()) }
 }
 
 /// The stop of the bootstrap set.

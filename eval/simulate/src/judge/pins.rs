@@ -104,6 +104,13 @@ impl Pins {
         spans.map(|(start, end)| end - start).max().unwrap_or(0)
     }
 
+    /// The latches of which neither line has gone high since then, each by the line that sets it.
+    pub fn latches_untouched(&self, since_ns: u64) -> u64 {
+        let rose = |line: u8| self.since_ns[usize::from(line) % 64] >= since_ns;
+        let untouched = self.ceilings.latches.iter().filter(|latch| !rose(latch.set) && !rose(latch.reset));
+        untouched.fold(0, |lines, latch| lines | 1 << latch.set)
+    }
+
     /// The lines that were on from before the one time until after the other, ns.
     pub fn on_over(&self, from_ns: u64, to_ns: u64) -> u64 {
         let is_over =

@@ -143,12 +143,7 @@ impl Reports {
                 format!("a command for one output let lines of others go high, {others} times")
             });
         }
-        if on_ns > allowed_ns {
-            self.verdict.note(JUDGE, "pulse-length", now_ns, || {
-                let [on_ms, allowed_ms] = [on_ns, allowed_ns].map(|ns| ns / 1_000_000);
-                format!("a line was on for {on_ms} ms by a command that allows {allowed_ms}")
-            });
-        }
+        self.on_pulse_length(now_ns, on_ns, allowed_ns);
         if rises > 1 {
             self.verdict.note(JUDGE, "acts-at-most-once", now_ns, || {
                 format!("a command that ended {ending:?} acted {rises} times")
@@ -158,6 +153,16 @@ impl Reports {
                 .note(JUDGE, "refused-and-acted", now_ns, || "a command was reported as refused and acted".into());
         } else if rises == 0 && ending == Ending::Done && undisturbed {
             self.verdict.note(JUDGE, "acts-once", now_ns, || "a command was confirmed and did not act".into());
+        }
+    }
+
+    /// By a command that allows the one time its line was on for the other.
+    pub fn on_pulse_length(&mut self, now_ns: u64, on_ns: u64, allowed_ns: u64) {
+        if on_ns > allowed_ns {
+            self.verdict.note(JUDGE, "pulse-length", now_ns, || {
+                let [on_ms, allowed_ms] = [on_ns, allowed_ns].map(|ns| ns / 1_000_000);
+                format!("a line was on for {on_ms} ms by a command that allows {allowed_ms}")
+            });
         }
     }
 
@@ -190,6 +195,18 @@ impl Reports {
     pub fn on_store_damaged(&mut self) {
         if !self.allowed.contains(&None) {
             self.allowed.push(None);
+        }
+    }
+
+    /// A program has begun, and these latches, by the lines that set them, have had no pulse since it was asked for: what they are is not
+    /// known.
+    pub fn on_latches_untouched(&mut self, now_ns: u64, latches: u64) {
+        if latches != 0 {
+            self.verdict.note(JUDGE, "latch-approach", now_ns, || {
+                format!(
+                    "a program has begun, and the latches at the lines {latches:#x} had no pulse before its first row"
+                )
+            });
         }
     }
 

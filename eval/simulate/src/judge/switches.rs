@@ -62,9 +62,10 @@ impl Switches {
         self.tracks.iter_mut().for_each(|track| track.pulsed = 0);
     }
 
-    /// Somebody asks for a program to be run.
+    /// Somebody asks for a program to be run, for which the board takes the states of all latches for unknown.
     pub fn on_play(&mut self) {
         self.is_approaching = true;
+        self.on_latches_unknown();
     }
 
     /// The end of a tick: these lines are high, these inputs closed. `is_watched`: the loaded table names the switches.

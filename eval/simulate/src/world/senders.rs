@@ -19,6 +19,9 @@ const STOP_MS: u64 = 3;
 /// For this time nothing that came before that stop may act, ms.
 const QUIET_MS: u64 = 60;
 
+/// Bytes of 115 200 baud in a tick, and the texts that are more than the line takes at once.
+const BYTES_A_TICK: usize = 12;
+const HELPS: usize = 3;
 /// A pulse ends this much late, ms of the board's clock: two late ticks, and the one in which it begins.
 const PULSE_LATE_MS: u64 = 3;
 /// A request to leave the safe state acts within this time, ns: three ticks.
@@ -144,6 +147,17 @@ impl World {
         self.reports.on_pulse(now_ns, Pulse { ending, rises, others, on_ns, allowed_ns, undisturbed });
     }
 
+    /// A coil was commanded for this time, once since then, and nothing else acted. A pulse of a latch has a length of its own.
+    pub fn judge_length(&mut self, coil: u8, sent_ns: u64, on_ms: u32) {
+        if self.arm.pulsed_line(coil).is_none() {
+            return;
+        }
+        let now_ns = self.now_ns();
+        let on_ns = self.arm.coil_lines(coil).map(|line| self.pins.longest_on_ns(now_ns, line, sent_ns)).max();
+        let allowed_ns = self.pins.true_us_ns(1_000 * (u64::from(on_ms) + PULSE_LATE_MS));
+        self.reports.on_pulse_length(now_ns, on_ns.unwrap_or(0), allowed_ns);
+    }
+
     /// A coil was switched off by hand before its time was over, which was confirmed a few ticks ago.
     pub fn judge_off(&mut self, party: Party, pulsed: Pulsed) {
         let lines = self.lines_of(pulsed.coil) & self.pins.high();
@@ -166,6 +180,7 @@ impl World {
     pub fn on_stop(&mut self, sent_ns: u64) {
         self.servos.end_orders(sent_ns);
         self.ended_ns = self.ended_ns.max(sent_ns);
+        self.played_ns = None;
     }
 
     /// A host sends bytes.
@@ -199,7 +214,7 @@ impl World {
         self.bench.send(&[before, b"stop\r"].concat());
     }
 
-    /// Somebody asks for a long text and stops in this form right behind it.
+    /// Somebody asks for long texts, which leave at 115 200 baud, and stops in this form right behind that.
     pub fn stop_behind_help(&mut self, form: StopForm, seed: u64) {
         let number = (seed >> 32) as u16;
         let stop = match form {
@@ -208,7 +223,13 @@ impl World {
             StopForm::Message => hostile::request((seed >> 16) as u32, number, &Request::Command(Command::Stop)),
         };
         self.say("world", || format!("help, {form:?} stop"));
-        self.bench.send(&[b"help\r".as_slice(), &stop].concat());
+        self.bench.set_pace(BYTES_A_TICK);
+        self.bench.send(&[b"help\r".repeat(HELPS).as_slice(), &stop].concat());
+    }
+
+    /// The line of the board is as fast as any again.
+    pub fn hurry(&mut self) {
+        self.bench.set_pace(usize::MAX);
     }
 
     /// A connection that a stop or a start has ended: any of the run, half of them one of the last.
@@ -242,6 +263,17 @@ impl World {
         self.callers.push(Caller { link, number, until_ns: self.now_ns() + CALL_NS, frames });
     }
 
+    /// Somebody asks for the challenge, and opens no connection yet.
+    pub fn ask_challenge(&mut self, link: u32) {
+        self.heard_challenge = None;
+        self.bench.send(&hostile::hello(link, 0, 0));
+    }
+
+    /// What was answered to that.
+    pub fn heard_challenge(&self) -> Option<u64> {
+        self.heard_challenge
+    }
+
     /// Bytes of the board: challenges that callers wait for.
     pub(super) fn hear_challenges(&mut self, received: &[u8]) {
         for byte in received {
@@ -253,6 +285,7 @@ impl World {
             let Ok((header, payload)) = frame::decode(&mut reply) else { continue };
             let result = postcard::from_bytes::<Reply>(payload).map(|reply| reply.result);
             if let (REPLY, Ok(Err(Refusal::Challenge { challenge }))) = (header.tag, result) {
+                self.heard_challenge = Some(challenge);
                 self.on_challenge(header.link, challenge);
             }
         }
@@ -289,7 +322,10 @@ impl World {
         let now_ns = self.now_ns();
         let words: Vec<&str> = line.split_whitespace().collect();
         match words.as_slice() {
-            ["play"] => self.servos.on_order(now_ns, Wish::Table),
+            ["play"] => {
+                self.servos.on_order(now_ns, Wish::Table);
+                self.switches.on_latches_unknown();
+            }
             ["clear"] => self.on_cleared(),
             ["servo", servo, angle_deg] => {
                 if let (Ok(servo), Ok(angle_deg)) = (servo.parse(), angle_deg.parse::<f32>()) {
@@ -349,6 +385,8 @@ impl World {
             Request::Command(Command::Play) if is_open => {
                 self.servos.on_order(now_ns, Wish::Table);
                 self.switches.on_play();
+                // A copy that is sent again asks for nothing new.
+                self.played_ns.get_or_insert(now_ns);
             }
             Request::Command(Command::Servo { servo, angle_rad }) if is_open => {
                 self.servos.on_order(now_ns, Wish::Angle(servo, angle_rad));
@@ -372,6 +410,11 @@ impl World {
         let begun_ns = started_ns + self.pins.true_us_ns(at.0);
         if self.has_own_table && !self.has_other_acted_since(Party::First, begun_ns) {
             self.switches.on_started(self.now_ns(), begun_ns);
+        }
+        let asked_ns = self.played_ns.take().filter(|asked_ns| *asked_ns < begun_ns);
+        if let Some(asked_ns) = asked_ns.filter(|asked_ns| !self.has_other_acted_since(Party::First, *asked_ns)) {
+            let latches = self.pins.latches_untouched(asked_ns);
+            self.reports.on_latches_untouched(self.now_ns(), latches);
         }
     }
 

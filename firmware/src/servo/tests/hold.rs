@@ -769,3 +769,59 @@ fn a_servo_that_loses_its_torque_and_one_answer_and_sinks_has_moved() {
     assert!(sink(1_000).contains(&Some(ServoBreach::Moved)), "without a lost answer");
     assert!(sink(65).contains(&Some(ServoBreach::Moved)), "the answer of one visit was lost");
 }
+
+/// On its way at 0.15 rad/s, away from targets that change all the time.
+#[test]
+fn a_servo_that_goes_the_other_way_while_its_targets_change_is_found() {
+    for visits_each in [1, 20, 28, 40] {
+        let (fake, shared, clock) = (under_way(2048), Shared::new(), HandClock::default());
+        let mut bus = Bus::new(&fake, &fake, &clock);
+        let mut found_at = None;
+        let visits = async {
+            for visit in 0..300u16 {
+                shared.set_joints([joint(0.001 * f32::from(visit / visits_each)), None, None, None]);
+                bus.visit_all(&shared).await;
+                stand_at(&fake, 2048 - visit);
+                found_at = found_at.or(shared.servo_breaches()[0].map(|breach| (visit, breach)));
+                clock.0.set((u64::from(visit) + 1) * 10_000);
+            }
+        };
+        run(visits, || clock.0.set(clock.0.get() + 100));
+        // 0.1 rad, as much again before its first target, and two visits.
+        let is_found = |(steps, breach)| (65..140).contains(&steps) && breach == ServoBreach::Moved;
+        assert!(found_at.is_some_and(is_found), "{visits_each}: {found_at:?}");
+    }
+}
+
+/// It turns round at 1.3 rad/s, in 0.2 s, with each target; they come faster than it can follow.
+#[test]
+fn a_servo_that_brakes_and_turns_round_is_not_found() {
+    let (fake, shared, clock) = (under_way(2048), Shared::new(), HandClock::default());
+    let mut bus = Bus::new(&fake, &fake, &clock);
+    let (mut at, mut speed) = (2048.0f32, 0.0f32);
+    let visits = async {
+        for visit in 0..2_000u32 {
+            let is_right = visit / 25 % 2 == 0;
+            shared.set_joints([joint(if is_right { 0.4 } else { -0.4 }), None, None, None]);
+            speed = (speed + if is_right { 85.0 } else { -85.0 }).clamp(-850.0, 850.0);
+            at += 0.01 * speed;
+            stand_at(&fake, at as u16);
+            let report = speed.abs() as u16 | if speed < 0.0 { 1 << 15 } else { 0 };
+            fake.registers.borrow_mut()[58..60].copy_from_slice(&report.to_le_bytes());
+            bus.visit_all(&shared).await;
+            assert_eq!(shared.servo_breaches()[0], None, "visit {visit}, at {at}");
+            clock.0.set((u64::from(visit) + 1) * 10_000);
+        }
+    };
+    run(visits, || clock.0.set(clock.0.get() + 100));
+}
+
+/// Of three answers two are lost; it stays below its time-out.
+#[test]
+fn a_servo_that_answers_each_third_visit_is_found_out_of_its_range() {
+    let is_mute = |visit: u16| visit > 60 && visit % 3 != 0;
+    for action in [doing(ServoAction::Hold), doing(ServoAction::Release)] {
+        let found = breaches_in_visits(action, 180, is_mute, |visit, _| 2048 + 20 * visit.saturating_sub(60).min(80));
+        assert!(found.contains(&Some(ServoBreach::Range)), "{action:?}: {found:?}");
+    }
+}

@@ -22,8 +22,10 @@ use crate::link::{Link, LinkError};
 pub(super) struct Memory {
     pub(super) now_s: f64,
     pub(super) protocol: u16,
-    /// Says nothing more.
+    /// Says nothing more, and takes nothing.
     pub(super) mute: bool,
+    /// What came meanwhile.
+    pub(super) unheard: Vec<Header>,
     /// Damages every answer.
     pub(super) garble: bool,
     /// Restarts after the next command has acted and before its answer leaves.
@@ -215,8 +217,10 @@ impl Link for FakeBoard {
         }
         let mut memory = self.memory.lock().unwrap();
         for piece in self.reader.read(self.now_s, bytes) {
-            if let (false, Piece::Frame(header, payload)) = (memory.mute, piece) {
-                memory.take(header, &payload);
+            match piece {
+                Piece::Frame(header, _) if memory.mute => memory.unheard.push(header),
+                Piece::Frame(header, payload) => memory.take(header, &payload),
+                Piece::Text(_) | Piece::Damaged(_) => {}
             }
         }
         Ok(())

@@ -7,7 +7,8 @@ use darm_core::sequencer::Command;
 use darm_core::table::Record;
 use darm_core::units::{Digest, Micros, ModelHash};
 use darm_core::wire::PROTOCOL;
-use darm_core::wire::message::Refusal;
+use darm_core::wire::bootstrap;
+use darm_core::wire::message::{REQUEST, Refusal};
 
 use super::fake::FakeBoard;
 use super::{AnswerError, Client, ClientError, TransportError};
@@ -42,6 +43,23 @@ fn a_silent_board_is_a_failure_of_transport() {
     memory.lock().unwrap().mute = true;
     let error = Client::connect_as(Box::new(board), 1).err();
     assert!(matches!(error, Some(ClientError::Transport(TransportError::Silent { attempts: 5.., .. }))), "{error:?}");
+}
+
+/// Where a line holds everything back, the board finds the stop before it acts.
+#[test]
+fn a_command_without_an_answer_is_given_up_after_two_seconds_with_a_stop_behind_it() {
+    let (board, memory) = FakeBoard::new();
+    let mut client = Client::connect_as(Box::new(board), 1).unwrap();
+    memory.lock().unwrap().mute = true;
+    let begun_s = client.now_s();
+    let error = client.command(Command::Play).err();
+    assert!(matches!(error, Some(ClientError::Transport(TransportError::Silent { .. }))), "{error:?}");
+    // The last try waits for its answer.
+    assert!((2.0..4.0).contains(&(client.now_s() - begun_s)), "{} s", client.now_s() - begun_s);
+    let tags: Vec<u8> = memory.lock().unwrap().unheard.iter().map(|header| header.tag).collect();
+    let (stop, commands) = tags.split_last().unwrap();
+    assert_eq!(*stop, bootstrap::Request::Stop.tag());
+    assert!(commands.len() > 1 && commands.iter().all(|tag| *tag == REQUEST), "{tags:?}");
 }
 
 #[test]

@@ -64,6 +64,8 @@ pub struct Bench {
     now_ns: u64,
     tick_ns: u64,
     polls: usize,
+    /// Bytes for the host that leave in a tick.
+    pace: usize,
     chain_faults: ChainFaults,
     /// Chips of the chain.
     chips: u8,
@@ -93,6 +95,7 @@ impl Bench {
             now_ns: 0,
             tick_ns: TICK_NS,
             polls: POLLS,
+            pace: usize::MAX,
             chain_faults: ChainFaults::default(),
             chips: CHIPS as u8,
             paused: Micros(0),
@@ -116,6 +119,11 @@ impl Bench {
     /// Polls the tasks so often within a tick, at least once. Fewer are faster, and a search for a word takes longer.
     pub fn set_polls(&mut self, polls: usize) {
         self.polls = polls.max(1);
+    }
+
+    /// No more bytes for the host leave in a tick than this; 12 at 115 200 baud.
+    pub fn set_pace(&mut self, bytes: usize) {
+        self.pace = bytes;
     }
 
     /// The flash lets nothing run, for this tick at least.
@@ -289,7 +297,7 @@ impl Bench {
         let ended = self.poll();
         self.drive_plant();
         let wires = &self.wires;
-        self.to_host.extend(std::iter::from_fn(|| wires.console_out.pop()));
+        self.to_host.extend(std::iter::from_fn(|| wires.console_out.pop()).take(self.pace));
         if self.firmware.is_some() && self.flash.has_failed() {
             self.power_off();
         } else if let Some(into) = ended {

@@ -18,6 +18,11 @@ impl Actuator {
         Self { travel_s, switch, digit: 0, travels: None }
     }
 
+    /// Its travel takes so many times as long from now on.
+    pub(super) fn scale_travel(&mut self, factor: f64) {
+        self.travel_s *= factor;
+    }
+
     /// The stop where it rests, or rested last.
     pub(super) fn digit(&self) -> u8 {
         self.digit

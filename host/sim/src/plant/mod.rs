@@ -22,7 +22,7 @@ use actuator::Actuator;
 use coil::Coil;
 use servo_bus::{ServoBus, ServoFaults, ServoState};
 
-/// An actuator reaches its stop within this share of the longest travel that the board waits for.
+/// An actuator reaches its stop within this share of the longest travel that the board waits for, where no other is set.
 const TRAVEL_SHARE: f64 = 0.25;
 
 /// A loose contact is closed for this time, then open for as long.
@@ -136,6 +136,11 @@ impl Plant {
     /// Puts a servo on the bus that the wiring does not have.
     pub fn add_servo(&mut self, id: u8) {
         self.bus.add(id);
+    }
+
+    /// The actuators need this share of the longest travel that the board waits for.
+    pub fn set_travel_share(&mut self, share: f64) {
+        self.actuators.iter_mut().for_each(|actuator| actuator.scale_travel(share / TRAVEL_SHARE));
     }
 
     /// Lets loads bend the servos: where each rests beside its goal, steps.

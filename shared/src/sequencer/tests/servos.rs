@@ -223,6 +223,7 @@ fn a_servo_that_the_table_leaves_out_has_to_answer_too() {
         assert_eq!(bench.command(command), silent, "{command:?}");
     }
     assert_eq!(bench.command(Command::Coil { coil: 0, on_ms: 0 }), Ok(()), "off drives nothing");
+    assert_eq!(bench.run(10).fault(), None, "nor does it begin what a silent servo would have to end");
 }
 
 #[test]

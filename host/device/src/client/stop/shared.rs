@@ -172,10 +172,11 @@ impl StopHandle {
     pub fn stop(&self, within: Duration) -> Result<Confirmation, LinkError> {
         let until = Instant::now() + within;
         let shared = self.shared.upgrade().ok_or_else(|| LinkError::Closed { port: self.port.clone() })?;
-        // Answers to an earlier program's stops may still be on the line.
+        // Answers to an earlier program's stops may still be on the line; those that were heard before are none to this one.
         let mut number: u16 = rand::random();
         let mut sent = Vec::new();
         loop {
+            lock(&shared.heard).confirmed.retain(|(earlier, _)| *earlier != number);
             match shared.send_urgently(&stop_frame(number), until) {
                 Ok(()) => sent.push(number),
                 Err(error) if sent.is_empty() => return Err(error),
