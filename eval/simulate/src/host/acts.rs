@@ -13,7 +13,7 @@ use super::{FirstUpload, Host, TRIES};
 use crate::answers::{self, PULSE_MS, SETTLE_MS};
 use crate::arm::Table;
 use crate::judge::reports::Ending;
-use crate::script::{StopForm, TurnFault};
+use crate::script::{StopForm, Timed, TurnFault, WorldAct};
 use crate::words;
 use crate::world::{self, ALL_SWITCHES, BACK_MS, Opened, Party, World};
 
@@ -704,7 +704,9 @@ impl Host<'_> {
             return;
         }
         let is_attended = world::with(|world| world.attend(is_attended));
-        let lets_go = is_attended && seed & 1 == 1;
+        // Where the script has the button pressed too, the profile may come into force.
+        let is_pressed = |entry: &Timed<WorldAct>| matches!(entry.act, WorldAct::Press(_));
+        let lets_go = is_attended && seed & 1 == 1 && !self.script.world.iter().any(is_pressed);
         world::pass(50);
         let profile = if lets_go { self.script.arm.tighter_profile() } else { self.script.arm.profile() };
         if let Some(client) = self.client() {
@@ -720,7 +722,7 @@ impl Host<'_> {
         let is_open = self.renew();
         let in_force = self.client.as_ref().and_then(|(client, _)| client.hello()).map(|hello| hello.profile);
         if lets_go && !(is_open && in_force == Some(self.script.arm.profile().profile.digest)) {
-            // Somebody else pressed the button meanwhile.
+            // It may have come into force.
             world::with(World::on_profile_replaced);
             self.put_profile(&self.script.arm.profile());
         }

@@ -819,7 +819,7 @@ fn a_servo_that_brakes_and_turns_round_is_not_found() {
 /// Of three answers two are lost; it stays below its time-out.
 #[test]
 fn a_servo_that_answers_each_third_visit_is_found_out_of_its_range() {
-    let is_mute = |visit: u16| visit > 60 && visit % 3 != 0;
+    let is_mute = |visit: u16| visit > 60 && !visit.is_multiple_of(3);
     for action in [doing(ServoAction::Hold), doing(ServoAction::Release)] {
         let found = breaches_in_visits(action, 180, is_mute, |visit, _| 2048 + 20 * visit.saturating_sub(60).min(80));
         assert!(found.contains(&Some(ServoBreach::Range)), "{action:?}: {found:?}");
