@@ -25,8 +25,8 @@ const TURNS: u64 = 4;
 const TURN_MS: u64 = 90;
 /// A load pushes a servo as far as this, a step each 2 ms: 0.2 rad.
 const SAG_STEPS: u16 = 130;
-/// A person turns a shaft as far as this in 1 ms, steps: 0.46 rad/s, below the slowest servo of a script. A coil is on from so many steps
-/// before the edge of the range to so many beyond it.
+/// A person turns a shaft as far as this in 1 ms, steps: 0.46 rad/s, below the slowest servo of a script. A coil is on from the one number of
+/// steps before the edge of the range to the other beyond it.
 const HAND_STEPS: f32 = 0.3;
 const EDGE_STEPS: f32 = 20.0;
 const OUT_STEPS: f32 = 40.0;

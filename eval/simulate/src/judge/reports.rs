@@ -198,7 +198,7 @@ impl Reports {
         }
     }
 
-    /// A program has begun, and these latches, by the lines that set them, have had no pulse since it was asked for: what they are is not
+    /// A program has begun, and these latches, by the lines that set them, have had no pulse since it was requested: what they are is not
     /// known.
     pub fn on_latches_untouched(&mut self, now_ns: u64, latches: u64) {
         if latches != 0 {

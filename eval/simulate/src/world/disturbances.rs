@@ -22,7 +22,7 @@ pub(super) struct Active {
     pub(super) index: u32,
 }
 
-/// So many ticks of so many a switch that bounces briefly shows the opposite.
+/// In the first ticks of each period a switch that bounces briefly shows the opposite.
 const BOUNCE_TICKS: u32 = 2;
 const BOUNCE_PERIOD: u32 = 12;
 /// Inputs of the arm's limit switches.

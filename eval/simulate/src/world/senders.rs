@@ -147,7 +147,7 @@ impl World {
         self.reports.on_pulse(now_ns, Pulse { ending, rises, others, on_ns, allowed_ns, undisturbed });
     }
 
-    /// A coil was commanded for this time, once since then, and nothing else acted. A pulse of a latch has a length of its own.
+    /// A coil was commanded for this time, once since then, and nothing else acted. The pulse of a latch has the length of the table.
     pub fn judge_length(&mut self, coil: u8, sent_ns: u64, on_ms: u32) {
         if self.arm.pulsed_line(coil).is_none() {
             return;

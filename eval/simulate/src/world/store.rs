@@ -111,7 +111,7 @@ impl World {
         self.bench.plant_mut().bend_servos(&bends);
     }
 
-    /// Somebody turns this servo by so many steps where it has no torque: what is left to the edge of its range on that side, steps, negative
+    /// Somebody turns this servo by this number of steps where it has no torque: what is left to the edge of its range on that side, steps, negative
     /// beyond it. `None` where it has torque.
     pub fn turn_by_hand(&mut self, index: usize, steps: f32) -> Option<f32> {
         let now_ns = self.now_ns();

@@ -60,7 +60,7 @@ pub(crate) struct Import {
     /// Unit of columns of the recording, such as 'Var*=deg'
     #[arg(long = "unit", value_name = "SOURCE=UNIT")]
     units: Vec<String>,
-    /// A number that stands for no value, such as --missing=-9999
+    /// A number that means a missing value, such as --missing=-9999
     #[arg(long, value_name = "NUMBER", allow_hyphen_values = true)]
     missing: Vec<f64>,
     /// Write the mapping as a file for --map

@@ -22,7 +22,7 @@ pub(super) const COMMAND_PATIENCE_S: f64 = 2.0;
 pub(super) const STORE_PATIENCE_S: f64 = 30.0;
 
 /// What is to be answered is sent this often before it is given up: of 30 % of frames lost on either way a command then fails once in 300.
-const LEAST_TRIES: f64 = 8.0;
+const MIN_TRIES: f64 = 8.0;
 
 /// What has gone over the line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -273,7 +273,7 @@ impl Exchange {
         loop {
             self.send(bytes, attempts > 0)?;
             attempts += 1;
-            let end_s = self.link.now_s() + self.retry_timer.wait_s().min(patience_s / LEAST_TRIES);
+            let end_s = self.link.now_s() + self.retry_timer.wait_s().min(patience_s / MIN_TRIES);
             if let Some(arrival) = self.next_arrival(end_s, |header| *header == answered)? {
                 // Which of several requests an answer belongs to cannot be decided (RFC 6298, section 3).
                 if attempts == 1 {

@@ -1,7 +1,7 @@
 //! A mapping as a file.
 //!
 //! ```toml
-//! missing = [-9999]              # numbers that stand for no value
+//! missing = [-9999]              # numbers that mean a missing value
 //!
 //! [columns]                      # TARGET = "SOURCE", as on the command line
 //! time_s = "Time (ms)"

@@ -51,7 +51,7 @@ pub struct Mapping {
     pub entries: Vec<Entry>,
     /// Patterns of names and the unit of the columns that match; the first counts.
     pub units: Vec<(String, Unit)>,
-    /// Numbers that stand for no value, as the file has them.
+    /// Numbers that mean a missing value, as the file has them.
     pub missing: Vec<f64>,
 }
 

@@ -45,7 +45,7 @@ pub struct Column {
     pub texts: Vec<String>,
 }
 
-/// A number that stands for no value is farther from the others than so many times their range: -9999 beside 0 to 1000.
+/// A number that means a missing value is farther from the others than this many times their range: -9999 beside 0 to 1000.
 const CODE_GAP: f64 = 5.0;
 
 impl Column {
@@ -118,7 +118,7 @@ impl Column {
 }
 
 impl Recording {
-    /// Leaves all cells with one of these numbers empty: they stand for no value.
+    /// Leaves all cells with one of these numbers empty: they mean a missing value.
     pub fn leave_out(&mut self, numbers: &[f64]) {
         let columns = self.parts.iter_mut().flat_map(|part| &mut part.columns);
         columns.for_each(|column| column.leave_out(numbers));

@@ -214,7 +214,7 @@ fn converted(found: &Found, notes: &mut Vec<String>) -> Result<Cells, Wrong> {
     }
     if let Some((code, n, [low, high])) = column.code() {
         notes.push(format!(
-            "{}: {n} numbers are {code}, far from the others, {low} to {high}; where that stands for no value, `darm import \
+            "{}: {n} numbers are {code}, far from the others, {low} to {high}; where that means a missing value, `darm import \
              --missing={code}` leaves it out",
             column.name
         ));

@@ -18,7 +18,7 @@ impl Actuator {
         Self { travel_s, switch, digit: 0, travels: None }
     }
 
-    /// Its travel takes so many times as long from now on.
+    /// Its travel takes longer by this factor from now on.
     pub(super) fn scale_travel(&mut self, factor: f64) {
         self.travel_s *= factor;
     }

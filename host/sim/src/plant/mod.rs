@@ -148,7 +148,7 @@ impl Plant {
         self.bus.bend(steps);
     }
 
-    /// Somebody turns this servo by so many steps; where it is then, steps. `None` where it has torque.
+    /// Somebody turns this servo by this number of steps; where it is then, steps. `None` where it has torque.
     pub fn turn_by_hand(&mut self, index: usize, steps: f32) -> Option<f32> {
         self.bus.turn_by_hand(index, steps)
     }

@@ -304,7 +304,7 @@ impl ServoBus {
         }
     }
 
-    /// Somebody turns this servo by so many steps; where it is then, steps. `None` where it has torque.
+    /// Somebody turns this servo by this number of steps; where it is then, steps. `None` where it has torque.
     pub fn turn_by_hand(&mut self, index: usize, steps: f32) -> Option<f32> {
         let servo = self.servos.get_mut(index).filter(|servo| !servo.state().has_torque)?;
         servo.position += steps;
