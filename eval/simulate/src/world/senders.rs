@@ -413,7 +413,7 @@ impl World {
         }
         let asked_ns = self.played_ns.take().filter(|asked_ns| *asked_ns < begun_ns);
         if let Some(asked_ns) = asked_ns.filter(|asked_ns| !self.has_other_acted_since(Party::First, *asked_ns)) {
-            let latches = self.pins.latches_untouched(asked_ns);
+            let latches = self.pins.latches_untouched(asked_ns, begun_ns);
             self.reports.on_latches_untouched(self.now_ns(), latches);
         }
     }
