@@ -138,8 +138,6 @@ pub struct World {
     pushed_ns: u64,
     /// The kind of the disturbance that ended last, and when, until the host gets through again.
     recovering: Option<(&'static str, u64)>,
-    /// When somebody asked first for the program that is to begin next, on a connection that is open.
-    played_ns: Option<u64>,
     /// The challenge that the board has answered last.
     heard_challenge: Option<u64>,
     /// Since when the host tries to get through.
@@ -213,7 +211,6 @@ impl World {
             is_chain_short: false,
             pushed_ns: 0,
             recovering: None,
-            played_ns: None,
             heard_challenge: None,
             tried_ns: None,
             recoveries: Vec::new(),
@@ -465,7 +462,6 @@ impl World {
         }
         self.wear.on_start(now_ns, power_was_off);
         self.ended_ns = self.ended_ns.max(now_ns);
-        self.played_ns = None;
         (self.ran_ticks, self.pressed_ticks, self.enable_ticks) = (0, 0, 0);
         self.pins.on_first_return(!self.bench.chain_faults().return_cut);
     }

@@ -7,8 +7,6 @@ use super::{Ceilings, LatchCeiling, LineCeiling, Verdict};
 
 const JUDGE: &str = "pins";
 const MS: u64 = 1_000_000;
-/// Times that are kept of each line.
-const RISES: usize = 64;
 /// A limit is noticed and acted on within this time: each coil is looked at once in 8 ms, and the lines follow a tick
 /// later.
 const NOTICE_MS: u64 = 10;
@@ -45,8 +43,6 @@ pub struct Pins {
     spans: Vec<VecDeque<(u64, u64)>>,
     /// How often each line went on.
     rises: [u32; 64],
-    /// When each line went high last, the newest behind the others.
-    rose_ns: Vec<VecDeque<u64>>,
     /// Time between the last two times of going on of each line.
     apart_ns: [u64; 64],
     /// How long full current flowed in each line before it went off last, ms; 0 where the line carries none.
@@ -72,7 +68,6 @@ impl Pins {
             since_ns: [0; 64],
             spans: vec![VecDeque::new(); 64],
             rises: [0; 64],
-            rose_ns: vec![VecDeque::new(); 64],
             apart_ns: [u64::MAX; 64],
             peak_ms: [0; 64],
             fed: VecDeque::new(),
@@ -107,19 +102,6 @@ impl Pins {
     pub fn longest_on_ns(&self, now_ns: u64, line: u8, since_ns: u64) -> u64 {
         let spans = self.spans_until(usize::from(line) % 64, now_ns).filter(|(start, _)| *start >= since_ns);
         spans.map(|(start, end)| end - start).max().unwrap_or(0)
-    }
-
-    /// The latches of which neither line went high from the one time to the other, each by the line that sets it. Of one that has gone high
-    /// too often since then it is not known.
-    pub fn latches_untouched(&self, from_ns: u64, to_ns: u64) -> u64 {
-        let may_have_risen = |line: u8| {
-            let rose_ns = &self.rose_ns[usize::from(line) % 64];
-            let is_forgotten = rose_ns.len() == RISES && rose_ns.front().is_some_and(|first_ns| *first_ns > from_ns);
-            is_forgotten || rose_ns.iter().any(|at_ns| (from_ns..=to_ns).contains(at_ns))
-        };
-        let latches = self.ceilings.latches.iter();
-        let untouched = latches.filter(|latch| !may_have_risen(latch.set) && !may_have_risen(latch.reset));
-        untouched.fold(0, |lines, latch| lines | 1 << latch.set)
     }
 
     /// The lines that were on from before the one time until after the other, ns.
@@ -289,9 +271,6 @@ impl Pins {
         }
         self.since_ns[line] = now_ns;
         self.rises[line] += 1;
-        self.rose_ns[line].push_back(now_ns);
-        let n_old = self.rose_ns[line].len().saturating_sub(RISES);
-        self.rose_ns[line].drain(..n_old);
         if self.ceilings.lines[line].is_none() {
             self.verdict.note(JUDGE, "wiring", now_ns, || format!("line {line} goes high, and nothing is wired there"));
         }

@@ -198,18 +198,6 @@ impl Reports {
         }
     }
 
-    /// A program has begun, and these latches, by the lines that set them, have had no pulse since it was requested: what they are is not
-    /// known.
-    pub fn on_latches_untouched(&mut self, now_ns: u64, latches: u64) {
-        if latches != 0 {
-            self.verdict.note(JUDGE, "latch-approach", now_ns, || {
-                format!(
-                    "a program has begun, and the latches at the lines {latches:#x} had no pulse before its first row"
-                )
-            });
-        }
-    }
-
     /// Lines of a program stay on after the end that the board reports of it.
     pub fn on_lines_after_end(&mut self, now_ns: u64, lines: u64) {
         self.verdict

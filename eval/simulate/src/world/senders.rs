@@ -180,7 +180,6 @@ impl World {
     pub fn on_stop(&mut self, sent_ns: u64) {
         self.servos.end_orders(sent_ns);
         self.ended_ns = self.ended_ns.max(sent_ns);
-        self.played_ns = None;
     }
 
     /// A host sends bytes.
@@ -385,8 +384,6 @@ impl World {
             Request::Command(Command::Play) if is_open => {
                 self.servos.on_order(now_ns, Wish::Table);
                 self.switches.on_play();
-                // A copy that is sent again asks for nothing new.
-                self.played_ns.get_or_insert(now_ns);
             }
             Request::Command(Command::Servo { servo, angle_rad }) if is_open => {
                 self.servos.on_order(now_ns, Wish::Angle(servo, angle_rad));
@@ -410,11 +407,6 @@ impl World {
         let begun_ns = started_ns + self.pins.true_us_ns(at.0);
         if self.has_own_table && !self.has_other_acted_since(Party::First, begun_ns) {
             self.switches.on_started(self.now_ns(), begun_ns);
-        }
-        let asked_ns = self.played_ns.take().filter(|asked_ns| *asked_ns < begun_ns);
-        if let Some(asked_ns) = asked_ns.filter(|asked_ns| !self.has_other_acted_since(Party::First, *asked_ns)) {
-            let latches = self.pins.latches_untouched(asked_ns, begun_ns);
-            self.reports.on_latches_untouched(self.now_ns(), latches);
         }
     }
 
