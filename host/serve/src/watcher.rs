@@ -134,8 +134,12 @@ impl Watcher {
         if self.stops_at_hello != Some(self.hub.stops()) {
             self.say_hello(client)?;
         }
-        if order.stops != self.hub.stops() || order.made < self.opened {
+        if order.stops != self.hub.stops() {
             return Err(Refused::new(Kind::Stopped, "a stop came meanwhile; nothing was sent"));
+        }
+        if order.made < self.opened {
+            let text = "the connection was opened meanwhile, as after a stop of somebody else; nothing was sent";
+            return Err(Refused::new(Kind::Stopped, text));
         }
         self.hub.control(|control, now| control.check(now, order.key))?;
         if order.made.elapsed() > PATIENCE {

@@ -150,9 +150,10 @@ impl Bench {
         self.post("/api/stop", &[], &json!({}))
     }
 
-    /// A page that has taken control.
+    /// A page that has taken control, and sees the board.
     #[track_caller]
     pub(crate) fn page_in_control(&self) -> Page<'_> {
+        self.live(|live| live["link"]["state"] == "live");
         let granted = self.post("/api/control", &[], &json!({"do": "take"}));
         assert_eq!(granted.status, 200, "{}", granted.json());
         Page::of(self, &granted.json())
