@@ -380,10 +380,10 @@ impl World {
         let broken = self.bench.plant().broken();
         let ServoFaults { silent, mute, deaf, stubborn, unconfirmed, damaged, .. } = broken.servos;
         // A board that has lost its profile knows no servo: it can stop none, and no order gives one another goal.
-        if self.person.is_lost() {
+        if self.person.may_be_lost() {
             self.servos.on_uncontrolled(now_ns);
         }
-        let is_noisy = self.is_bus_noisy() || self.person.is_lost();
+        let is_noisy = self.is_bus_noisy() || self.person.may_be_lost();
         let garbled = deaf | stubborn | unconfirmed | damaged;
         let unheard = silent | mute | garbled;
         let overloaded = broken.servos.overloaded;

@@ -33,6 +33,8 @@ pub struct Person {
     commits: Vec<(u64, Digest)>,
     /// When the stored profile was damaged last.
     lost_ns: Option<u64>,
+    /// When the board said last that a profile is in force.
+    in_force_ns: Option<u64>,
     verdict: Verdict,
 }
 
@@ -48,6 +50,7 @@ impl Person {
             allowed: vec![profile, [0; 32]],
             commits: Vec::new(),
             lost_ns: None,
+            in_force_ns: None,
             verdict: Verdict::default(),
         }
     }
@@ -108,6 +111,12 @@ impl Person {
         self.lost_ns.is_some_and(|lost_ns| last().is_none_or(|at_ns| at_ns < lost_ns))
     }
 
+    /// Whether the board may have none still: what was to be committed at the button may not have been whole, and the board has said nothing
+    /// since.
+    pub fn may_be_lost(&self) -> bool {
+        self.lost_ns.is_some() && self.in_force_ns <= self.lost_ns
+    }
+
     /// A stop that was requested at `asked_ns` is confirmed for the servos, too: a board that has lost its profile knows none.
     pub fn on_servos_confirmed(&mut self, now_ns: u64, asked_ns: u64) {
         if self.is_lost() && self.lost_ns < Some(asked_ns) {
@@ -120,6 +129,9 @@ impl Person {
 
     /// The board says which profile is in force.
     pub fn on_in_force(&mut self, now_ns: u64, digest: Digest) {
+        if digest != [0; 32] {
+            self.in_force_ns = Some(now_ns);
+        }
         if self.allowed.contains(&digest) {
             return;
         }
@@ -161,6 +173,19 @@ mod tests {
         let (lines, latches, servos) = ([None; 64], Vec::new(), Vec::new());
         let ceilings = Ceilings { lines, latches, servos, new_loads: 1, budget_ms: 10, refresh_ms: 100, clock_ppm: 0 };
         Person::new(ceilings, [1; 32])
+    }
+
+    #[test]
+    fn a_profile_that_was_lost_may_be_so_until_the_board_says_that_one_is_in_force() {
+        let mut person = person();
+        assert!(!person.may_be_lost());
+        person.on_lost(100 * MS);
+        [(0, false), (150, true)].map(|(ms, is_closed)| person.look(ms * MS, is_closed));
+        person.on_commit(200 * MS, [1; 32]);
+        person.on_in_force(210 * MS, [0; 32]);
+        assert!(!person.is_lost() && person.may_be_lost(), "it may have been refused");
+        person.on_in_force(220 * MS, [1; 32]);
+        assert!(!person.may_be_lost());
     }
 
     /// Whether another profile may be in force that is committed at this time, with a contact that changes at these.

@@ -111,7 +111,7 @@ impl World {
         }
         self.on_stop(began_ns);
         let (now_ns, lines) = (self.now_ns(), self.pins.high());
-        let reachable = !at_once && !self.person.is_lost() && self.is_undisturbed_since(began_ns);
+        let reachable = !at_once && !self.person.may_be_lost() && self.is_undisturbed_since(began_ns);
         let moving = if reachable { self.servos.moving() } else { None };
         self.reports.on_stopped(now_ns, lines, moving);
     }
