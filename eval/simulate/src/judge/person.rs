@@ -111,7 +111,7 @@ impl Person {
         self.lost_ns.is_some_and(|lost_ns| last().is_none_or(|at_ns| at_ns < lost_ns))
     }
 
-    /// Whether the board may have none still: what was to be committed at the button may not have been whole, and the board has said nothing
+    /// Whether the board may have none still: what was to be committed at the button may not have been complete, and the board has said nothing
     /// since.
     pub fn may_be_lost(&self) -> bool {
         self.lost_ns.is_some() && self.in_force_ns <= self.lost_ns
@@ -180,7 +180,7 @@ mod tests {
         let mut person = person();
         assert!(!person.may_be_lost());
         person.on_lost(100 * MS);
-        [(0, false), (150, true)].map(|(ms, is_closed)| person.look(ms * MS, is_closed));
+        [(0, false), (150, true)].iter().for_each(|&(ms, is_closed)| person.look(ms * MS, is_closed));
         person.on_commit(200 * MS, [1; 32]);
         person.on_in_force(210 * MS, [0; 32]);
         assert!(!person.is_lost() && person.may_be_lost(), "it may have been refused");
