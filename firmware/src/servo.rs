@@ -67,7 +67,7 @@ const REPORT_STEPS_S: f32 = 100.0;
 /// Farther than this from what it is to hold a servo was moved, steps: 0.1 rad, twice what the load of a sound arm bends it.
 const STRAY_STEPS: u16 = 65;
 /// After another target a servo may turn on at its speed for as long as [`SETTLE_VISITS`] take, s.
-const BRAKE_S: f32 = 0.3;
+const BRAKE_S: f32 = SETTLE_VISITS as f32 * CYCLE.0 as f32 / 1e6;
 /// Over this time the mean speed of a servo is judged: the noise of the two places, 16 steps, is then 80 steps/s, 0.12 rad/s.
 const SPEED_SPAN: Micros = Micros::from_millis(200);
 /// Visits in which a servo brakes, or turns round, after another order.
@@ -492,14 +492,15 @@ impl Known {
     /// Begins another action, or continues the same one.
     fn begin(&mut self, action: ServoAction) {
         if self.action != Some(action) {
-            let (was_going, brake) = (self.action.as_ref().is_some_and(goes), (BRAKE_S * f32::from(self.speed)) as i32);
-            // Until it has come back from where it braked before that counts too.
-            let is_back = f32::from(self.away as i16) <= place::NOISE_STEPS;
-            (self.away, self.brake) = match was_going {
-                true if is_back => (self.away, brake),
-                true => (self.away, self.brake.max(brake)),
+            let brake = (BRAKE_S * f32::from(self.speed)) as i32;
+            (self.away, self.brake) = if !self.action.as_ref().is_some_and(goes) {
                 // Its load may bend it before it has torque.
-                false => (0, brake.max(i32::from(STRAY_STEPS))),
+                (0, brake.max(i32::from(STRAY_STEPS)))
+            } else if self.away > place::NOISE_STEPS as i32 {
+                // It has not come back from where it braked before.
+                (self.away, self.brake.max(brake))
+            } else {
+                (self.away, brake)
             };
             // One that goes has no position that it holds.
             self.is_first = self.action.is_none();

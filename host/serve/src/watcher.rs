@@ -86,9 +86,7 @@ impl Watcher {
             }
             self.is_abandoned = self.is_abandoned && !self.hub.stop_by_hand();
             // At once after a stop of a page: while no connection is open, nobody would notice a stop of somebody else.
-            if self.stops_at_hello != Some(self.hub.stops())
-                && let Err(error) = self.say_hello(client)
-            {
+            if let Err(error) = self.open_again(client) {
                 return error;
             }
             while let Some(order) = self.next_order(due) {
@@ -131,9 +129,7 @@ impl Watcher {
     /// Refuses an order that is too old, that a stop has overtaken, or whose page has lost control. The number of stops is compared after the connection was
     /// opened: the board itself refuses a command after a stop that comes later.
     fn prepare(&mut self, client: &mut Client, order: &Order) -> Result<(), Refused> {
-        if self.stops_at_hello != Some(self.hub.stops()) {
-            self.say_hello(client)?;
-        }
+        self.open_again(client)?;
         if order.stops != self.hub.stops() {
             return Err(Refused::new(Kind::Stopped, "a stop came meanwhile; nothing was sent"));
         }
@@ -146,6 +142,11 @@ impl Watcher {
             return Err(Refused::new(Kind::Link, "the board did not answer in time; nothing was sent"));
         }
         Ok(())
+    }
+
+    /// Opens the connection where a stop of a page or the board has ended it.
+    fn open_again(&mut self, client: &mut Client) -> Result<(), ClientError> {
+        if self.stops_at_hello == Some(self.hub.stops()) { Ok(()) } else { self.say_hello(client) }
     }
 
     fn say_hello(&mut self, client: &mut Client) -> Result<(), ClientError> {

@@ -381,11 +381,13 @@ impl Host<'_> {
             return;
         }
         let link = (seed >> 32) as u32 | 1;
-        if seed >> 2 & 1 == 1 {
+        let asked = if seed >> 2 & 1 == 1 {
             world::with(|world| world.ask_challenge(link));
             world::pass(5);
-        }
-        let asked = world::with(|world| world.heard_challenge().filter(|_| seed >> 2 & 1 == 1));
+            world::with(|world| world.heard_challenge())
+        } else {
+            None
+        };
         // Half of them on the connection in use, after one more stop.
         if seed & 1 == 1 {
             let began_ns = world::with(|world| world.now_ns());
@@ -708,7 +710,8 @@ impl Host<'_> {
         let is_pressed = |entry: &Timed<WorldAct>| matches!(entry.act, WorldAct::Press(_));
         let lets_go = is_attended && seed & 1 == 1 && !self.script.world.iter().any(is_pressed);
         world::pass(50);
-        let profile = if lets_go { self.script.arm.tighter_profile() } else { self.script.arm.profile() };
+        let own = self.script.arm.profile();
+        let profile = if lets_go { &self.script.arm.tighter_profile() } else { &own };
         if let Some(client) = self.client() {
             let result = client.upload(&profile.image(), &mut |_| {
                 if lets_go {
@@ -719,12 +722,10 @@ impl Host<'_> {
         }
         world::pass(SETTLE_MS);
         world::with(|world| world.attend(false));
-        let is_open = self.renew();
-        let in_force = self.client.as_ref().and_then(|(client, _)| client.hello()).map(|hello| hello.profile);
-        if lets_go && !(is_open && in_force == Some(self.script.arm.profile().profile.digest)) {
+        if !self.renew_under(&own) && lets_go {
             // It may have come into force.
             world::with(World::on_profile_replaced);
-            self.put_profile(&self.script.arm.profile());
+            self.put_profile(&own);
         }
     }
 }

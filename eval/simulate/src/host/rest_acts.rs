@@ -93,15 +93,24 @@ impl Host<'_> {
         }
         world::pass(SETTLE_MS);
         world::with(|world| world.attend(false));
+        self.renew_under(profile)
+    }
+
+    /// Opens the connection again; whether the board says that this profile is in force.
+    pub(super) fn renew_under(&mut self, profile: &BoardProfile) -> bool {
         let is_open = self.renew();
         let hello = self.client.as_ref().and_then(|(client, _)| client.hello());
         is_open && hello.is_some_and(|hello| hello.profile == profile.profile.digest)
     }
 
+    /// Whether the profile may be replaced: the board is ready, and nothing that comes later may damage the arm's own profile.
+    fn may_replace_profile(&mut self) -> bool {
+        !self.script.has_jumper && !world::with(|world| world.has_acts_ahead()) && self.is_ready()
+    }
+
     /// The profile is replaced by a tighter one, whose record is damaged at rest: the arm does not move by the one before.
     pub(super) fn lose_profile(&mut self, seed: u64) {
-        // What comes later may damage the arm's own profile.
-        if self.script.has_jumper || world::with(|world| world.has_acts_ahead()) || !self.is_ready() {
+        if !self.may_replace_profile() {
             return;
         }
         let tighter = self.script.arm.tighter_profile();
@@ -117,7 +126,7 @@ impl Host<'_> {
 
     /// A table for a profile that names the length of the chain; then the board starts with a shorter one, as where a plug is not in.
     pub(super) fn shorten_chain(&mut self, seed: u64) {
-        if self.script.has_jumper || world::with(|world| world.has_acts_ahead()) || !self.is_ready() {
+        if !self.may_replace_profile() {
             return;
         }
         let (counted, wiring) = (self.script.arm.counted_profile(), self.script.arm.wiring());
@@ -148,18 +157,12 @@ impl Host<'_> {
         world::pass(2 * SETTLE_MS);
         self.renew();
         let side = if seed & 1 == 0 { 1.0 } else { -1.0 };
-        while world::with(|world| world.turn_by_hand(index, HAND_STEPS * side)).is_some_and(|left| left > EDGE_STEPS) {
-            world::pass(1);
-        }
+        turn_while(index, HAND_STEPS * side, |left| left > EDGE_STEPS);
         self.command("drive", Command::Coil { coil, on_ms: DRIVEN_MS });
-        while world::with(|world| world.turn_by_hand(index, HAND_STEPS * side)).is_some_and(|left| left > -OUT_STEPS) {
-            world::pass(1);
-        }
+        turn_while(index, HAND_STEPS * side, |left| left > -OUT_STEPS);
         world::pass(SETTLE_MS);
         self.events();
-        while world::with(|world| world.turn_by_hand(index, -HAND_STEPS * side)).is_some_and(|left| left < EDGE_STEPS) {
-            world::pass(1);
-        }
+        turn_while(index, -HAND_STEPS * side, |left| left < EDGE_STEPS);
         world::pass(SETTLE_MS);
         self.command("clear", Command::Clear);
     }
@@ -333,6 +336,14 @@ impl Host<'_> {
             world::pass(START_MS);
         }
         world::with(|world| world.judge_wear());
+    }
+}
+
+/// Somebody turns a servo without torque by this number of steps each ms, as long as that holds of what is left to the edge of its range,
+/// steps.
+fn turn_while(index: usize, steps: f32, is_on: impl Fn(f32) -> bool) {
+    while world::with(|world| world.turn_by_hand(index, steps)).is_some_and(&is_on) {
+        world::pass(1);
     }
 }
 

@@ -71,14 +71,22 @@ pub fn command_and_stop(rng: &mut ChaCha8Rng, coils: u8) -> Sent {
     };
     let number = rng.random();
     let stop = match rng.random_range(0..3u8) {
-        0 => framed(bootstrap::Request::Stop.tag(), 0, number, bootstrap::Request::Stop.payload()),
-        1 => request(rng.random(), number, &Request::Command(Command::Stop)),
-        _ => b"stop\r".to_vec(),
+        0 => stop(number).bytes,
+        1 => stop_message(rng.random(), number),
+        _ => TYPED_STOP.to_vec(),
     };
     // The board takes 64 bytes at once: a command of the first ones may wait for its tick when the stop is found.
     let between = b"\r".repeat(rng.random_range(0..100));
     let bytes = [format!("{what}\r").as_bytes(), &between, &stop, &stop].concat();
     Sent { bytes, what: format!("{what}, {} empty lines, stop", between.len()) }
+}
+
+/// The stop that somebody types.
+pub const TYPED_STOP: &[u8] = b"stop\r";
+
+/// The stop of the messages.
+pub fn stop_message(link: u32, number: u16) -> Vec<u8> {
+    request(link, number, &Request::Command(Command::Stop))
 }
 
 /// The stop of the bootstrap set.

@@ -137,9 +137,7 @@ impl World {
             return;
         }
         let now_ns = self.now_ns();
-        let lines = self.arm.coil_lines(coil);
-        let on_ns = lines.map(|line| self.pins.longest_on_ns(now_ns, line, sent_ns)).max().unwrap_or(0);
-        let allowed_ns = self.pins.true_us_ns(1_000 * (u64::from(PULSE_MS) + PULSE_LATE_MS));
+        let [on_ns, allowed_ns] = self.on_and_allowed_ns(coil, sent_ns, PULSE_MS);
         let has_supply = has_supply && self.has_supply_alone(party, began_ns);
         let undisturbed = has_supply && self.is_undisturbed_since(began_ns);
         let rises = self.pins.rises(line) - rises;
@@ -152,10 +150,15 @@ impl World {
         if self.arm.pulsed_line(coil).is_none() {
             return;
         }
+        let [on_ns, allowed_ns] = self.on_and_allowed_ns(coil, sent_ns, on_ms);
+        self.reports.on_pulse_length(self.now_ns(), on_ns, allowed_ns);
+    }
+
+    /// The longest time that a line of a coil was on since then, and that for which a command of this length may have one on.
+    fn on_and_allowed_ns(&self, coil: u8, sent_ns: u64, on_ms: u32) -> [u64; 2] {
         let now_ns = self.now_ns();
         let on_ns = self.arm.coil_lines(coil).map(|line| self.pins.longest_on_ns(now_ns, line, sent_ns)).max();
-        let allowed_ns = self.pins.true_us_ns(1_000 * (u64::from(on_ms) + PULSE_LATE_MS));
-        self.reports.on_pulse_length(now_ns, on_ns.unwrap_or(0), allowed_ns);
+        [on_ns.unwrap_or(0), self.pins.true_us_ns(1_000 * (u64::from(on_ms) + PULSE_LATE_MS))]
     }
 
     /// A coil was switched off by hand before its time was over, which was confirmed a few ticks ago.
@@ -210,16 +213,16 @@ impl World {
         const BEFORE: [&[u8]; 4] = [b"", b"\xff\x01", b"sto", b"garbage "];
         let before = BEFORE[(seed >> 16) as usize % BEFORE.len()];
         self.say("world", || format!("{before:?} stop"));
-        self.bench.send(&[before, b"stop\r"].concat());
+        self.bench.send(&[before, hostile::TYPED_STOP].concat());
     }
 
     /// Somebody asks for long texts, which leave at 115 200 baud, and stops in this form right behind that.
     pub fn stop_behind_help(&mut self, form: StopForm, seed: u64) {
         let number = (seed >> 32) as u16;
         let stop = match form {
-            StopForm::Typed | StopForm::Input => b"stop\r".to_vec(),
+            StopForm::Typed | StopForm::Input => hostile::TYPED_STOP.to_vec(),
             StopForm::Bootstrap => hostile::stop(number).bytes,
-            StopForm::Message => hostile::request((seed >> 16) as u32, number, &Request::Command(Command::Stop)),
+            StopForm::Message => hostile::stop_message((seed >> 16) as u32, number),
         };
         self.say("world", || format!("help, {form:?} stop"));
         self.bench.set_pace(BYTES_A_TICK);

@@ -65,11 +65,8 @@ impl Column {
     /// A number that several cells have, far from all others, which programs write for no value; how many have it, and the range of the
     /// others. Zero is a value: that of a supply which is off, for example.
     pub(crate) fn code(&self) -> Option<(f64, usize, [f64; 2])> {
-        let [low, high] = self.range()?;
-        [low, high].into_iter().filter(|code| *code != 0.0).find_map(|code| {
-            let mut others = self.clone();
-            others.leave_out(&[code]);
-            let [low, high] = others.range()?;
+        self.range()?.into_iter().filter(|code| *code != 0.0).find_map(|code| {
+            let [low, high] = range(self.numbers.iter().copied().filter(|number| *number != code))?;
             let n = self.numbers.iter().filter(|number| **number == code).count();
             let gap = (low - code).max(code - high);
             (n > 1 && gap > CODE_GAP * (high - low) && high > low).then_some((code, n, [low, high]))
@@ -112,8 +109,7 @@ impl Column {
 
     /// Smallest and largest finite number.
     pub fn range(&self) -> Option<[f64; 2]> {
-        let finite = self.numbers.iter().copied().filter(|number| number.is_finite());
-        finite.fold(None, |range, x| Some(range.map_or([x; 2], |[low, high]: [f64; 2]| [low.min(x), high.max(x)])))
+        range(self.numbers.iter().copied())
     }
 }
 
@@ -140,6 +136,12 @@ impl Part {
     pub(crate) fn shown(&self) -> &str {
         if self.name.is_empty() { "table" } else { &self.name }
     }
+}
+
+/// Smallest and largest finite number.
+fn range(numbers: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
+    let finite = numbers.filter(|number| number.is_finite());
+    finite.fold(None, |range, x| Some(range.map_or([x; 2], |[low, high]: [f64; 2]| [low.min(x), high.max(x)])))
 }
 
 /// The number, NaN where it is infinite: no quantity is, and programs write it after a division by zero.

@@ -22,11 +22,6 @@ impl<'a> Cdr<'a> {
         Self { bytes, at: 0, is_big_endian: false, is_ros_1: true }
     }
 
-    /// Whether it is one of ROS 1.
-    pub(super) fn is_ros_1(&self) -> bool {
-        self.is_ros_1
-    }
-
     /// A message of ROS 2, or why it is none that is read.
     pub(super) fn new(message: &'a [u8]) -> Result<Self, String> {
         let Some((header, bytes)) = message.split_at_checked(4) else {

@@ -25,6 +25,8 @@ const STAMPED: [(&str, &[&str]); 5] = [
     ("geometry_msgs/PointStamped", &["point.x", "point.y", "point.z"]),
     ("geometry_msgs/Vector3Stamped", &["vector.x", "vector.y", "vector.z"]),
 ];
+/// The encoding of messages of ROS 1.
+const ROS_1: &str = "ros1";
 const JOINT_STATE: &str = "sensor_msgs/JointState";
 
 /// Units of fields by what their names begin with; those of joints are of revolute ones.
@@ -41,36 +43,40 @@ const UNITS: [(&str, &str); 9] = [
 ];
 const JOINT_UNITS: [(&str, &str); 3] = [("position.", "rad"), ("velocity.", "rad/s"), ("effort.", "N·m")];
 
-/// The name of a type in ROS 1.
-fn in_ros_1(kind: &str) -> String {
-    kind.replacen("/msg/", "/", 1)
+/// Whether a type is the one of this name in ROS 1.
+fn is_of(kind: &str, known: &str) -> bool {
+    kind == known || kind.split_once("/msg/").is_some_and(|parts| Some(parts) == known.split_once('/'))
+}
+
+/// The fields of a type that is a header and numbers.
+fn stamped(kind: &str) -> Option<&'static [&'static str]> {
+    STAMPED.iter().find(|(known, _)| is_of(kind, known)).map(|(_, names)| *names)
 }
 
 /// Whether messages of this type in this encoding are read.
 pub(super) fn is_known(kind: &str, encoding: &str) -> bool {
-    let kind = in_ros_1(kind);
-    matches!(encoding, "cdr" | "ros1") && (kind == JOINT_STATE || STAMPED.iter().any(|(known, _)| *known == kind))
+    matches!(encoding, "cdr" | ROS_1) && (is_of(kind, JOINT_STATE) || stamped(kind).is_some())
 }
 
 /// The unit of a field of a type.
 pub(super) fn unit(kind: &str, field: &str) -> Option<String> {
-    let units = if in_ros_1(kind) == JOINT_STATE { &JOINT_UNITS[..] } else { &UNITS };
+    let units = if is_of(kind, JOINT_STATE) { &JOINT_UNITS[..] } else { &UNITS };
     units.iter().find(|(start, _)| field.starts_with(start)).map(|(_, unit)| (*unit).to_owned())
 }
 
 /// A message of a type that [`is_known`], or what is wrong with it; `joints` are the names of the last message that had some.
 pub(super) fn read(kind: &str, encoding: &str, bytes: &[u8], joints: &mut Vec<String>) -> Result<Message, String> {
-    let (kind, mut cdr) = (in_ros_1(kind), if encoding == "ros1" { Cdr::ros_1(bytes) } else { Cdr::new(bytes)? });
+    let mut cdr = if encoding == ROS_1 { Cdr::ros_1(bytes) } else { Cdr::new(bytes)? };
     let cut = || "the message ends early or holds a wrong length: the log is damaged".to_owned();
     // The header of ROS 1 begins with a number of the message.
-    if cdr.is_ros_1() {
+    if encoding == ROS_1 {
         cdr.u32().ok_or_else(cut)?;
     }
     let (seconds, nanoseconds) = cdr.i32().zip(cdr.u32()).ok_or_else(cut)?;
     let _frame = cdr.text().ok_or_else(cut)?;
     let stamp_ns = i64::from(seconds) * 1_000_000_000 + i64::from(nanoseconds);
-    let (fields, unread) = match STAMPED.iter().find(|(known, _)| *known == kind) {
-        Some((_, names)) => {
+    let (fields, unread) = match stamped(kind) {
+        Some(names) => {
             let field = |name: &&str| Some(((*name).to_owned(), cdr.f64()?));
             (names.iter().map(field).collect::<Option<_>>().ok_or_else(cut)?, None)
         }
