@@ -39,6 +39,8 @@ pub struct Switches {
     lines: u64,
     /// Whether latches are set before the first row of a program: the board compares their switches from its start on.
     is_approaching: bool,
+    /// Since when no line has been high.
+    off_ns: Option<u64>,
     /// When something was wrong with an input, a switch or a valve last.
     disturbed_ns: Option<u64>,
     verdict: Verdict,
@@ -49,7 +51,7 @@ impl Switches {
     pub fn new(ceilings: Ceilings, actuators: Vec<SwitchCeiling>) -> Self {
         let tracks = vec![Track::default(); actuators.len()];
         let verdict = Verdict::default();
-        Self { ceilings, actuators, tracks, lines: 0, is_approaching: false, disturbed_ns: None, verdict }
+        Self { ceilings, actuators, tracks, lines: 0, is_approaching: false, off_ns: None, disturbed_ns: None, verdict }
     }
 
     /// Something is wrong with an input, a switch or a valve now.
@@ -64,7 +66,7 @@ impl Switches {
 
     /// Somebody asks for a program to be run, for which the board takes the states of all latches for unknown.
     pub fn on_play(&mut self) {
-        self.is_approaching = true;
+        (self.is_approaching, self.off_ns) = (true, None);
         self.on_latches_unknown();
     }
 
@@ -72,7 +74,10 @@ impl Switches {
     pub fn look(&mut self, now_ns: u64, lines: u64, inputs: u32, is_watched: bool) {
         let rising = lines & !self.lines;
         let was = std::mem::replace(&mut self.lines, lines);
-        self.is_approaching &= was == 0 || lines != 0;
+        self.off_ns = if lines == 0 { self.off_ns.or(Some(now_ns)) } else { None };
+        // An exhausted supply holds the next latch back for its window at most.
+        let gap_ns = self.ceilings.true_ns(u64::from(self.ceilings.budget_ms) + NOTICE_MS);
+        self.is_approaching &= self.off_ns.is_none_or(|off_ns| now_ns <= off_ns + gap_ns);
         for (actuator, track) in self.actuators.iter().zip(&mut self.tracks) {
             if lines == 0 {
                 // Nothing is expected of a switch while the board drives nothing.
@@ -278,6 +283,19 @@ mod tests {
             (1..until_ms).for_each(|ms| judge.look(ms * MS, OTHER_LOAD | u64::from(ms < 20), 0, true));
             judge.on_started(until_ms * MS, started_ms * MS);
             assert_eq!(judge.finish().has("switch-ignored"), is_ignored, "{started_ms} {until_ms}");
+        }
+    }
+
+    #[test]
+    fn a_program_that_waits_for_the_supply_has_not_started() {
+        // The supply of this judge has a window of 10 ms.
+        for (off_ms, is_ignored) in [(10, false), (40, true)] {
+            let mut judge = judge(None);
+            judge.on_play();
+            (1..20).for_each(|ms| judge.look(ms * MS, OTHER_LOAD, 0, true));
+            (20..20 + off_ms).for_each(|ms| judge.look(ms * MS, 0, 0, true));
+            (20 + off_ms..200).for_each(|ms| judge.look(ms * MS, 1, 0, true));
+            assert_eq!(judge.finish().has("switch-ignored"), is_ignored, "{off_ms}");
         }
     }
 
