@@ -72,7 +72,7 @@ fn with(arm: &Arm, effects: &[Effect<f64>]) -> ArmModel {
 /// confidence, as a distance d, root mean square, m.
 pub(super) fn of_named(task: &Task, run: &Run, effects: &[Effect<f64>]) -> Result<f64, NoPose> {
     let (found, training) = Found::fitted(task, run, &with(task.arm, effects))?;
-    let of_values = covariance(&found.fit, &training);
+    let of_values = covariance(&found.fit, &training.groups(), training.n_groups);
     let sigma = found.sigma;
     let conditions = run.settled_or_nominal(task.arm);
     let rows = Rows::new(task.arm, run, &PlannedRows { frames: task.frames, next: &[], conditions, sigma });

@@ -5,6 +5,8 @@ use std::path::Path;
 
 use darm_robot::robot::Motion;
 use darm_robot::source::Source;
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
 
 use super::*;
 use crate::correction::Keep;
@@ -18,6 +20,7 @@ use crate::prepare::signals::Prepared;
 use crate::select::factored::{Factored, judged};
 use crate::select::problem::{Neighbours as _, Trial};
 use crate::select::signals::Signals;
+use crate::select::significance::quantile_975;
 use darm_measure::FindingKind;
 
 fn options(hold_out: HoldOut, keep: Option<&str>, always: &[&str]) -> SignalOptions {
@@ -363,4 +366,35 @@ fn a_law_that_is_rejected_returns_neither_as_an_effect_nor_as_a_fitted_term() {
         error.starts_with("no law backlash here; there are area-along-stroke, coulomb-friction, delay, "),
         "{error}"
     );
+}
+
+/// A viscous friction that differs from run to run: the mean of eight of them is off by their scatter over the root of eight, however
+/// many rows each has.
+#[test]
+fn an_interval_counts_runs_and_not_rows_where_these_differ() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/finger.xml");
+    let lock = BTreeMap::from([("tip".to_string(), 0.3)]);
+    let source = Source::read::<String>(&path).unwrap();
+    let model = Model::of_source(&source, &(&lock).into()).unwrap();
+    let Predictor::Any(robot) = &model.what else { panic!("no robot") };
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    // Of mean zero and unit standard deviation.
+    let differs = [-1.4, 0.6, 1.1, -0.2, -0.9, 1.3, 0.3, -0.8];
+    let (mean, scatter) = (2e-3, 4e-4);
+    let mut text = "time_s,run,q1_rad,q2_rad,v1,v2,a1,a2,tau1_nm,tau2_nm\n".to_string();
+    for row in 0..1600 {
+        let (t, run) = (0.01 * f64::from(row), row / 200);
+        let [q, v, a] =
+            [[t.sin(), (2.0 * t).cos()], [t.cos(), -2.0 * (2.0 * t).sin()], [-t.sin(), -4.0 * (2.0 * t).cos()]];
+        let mut torque = robot.dynamics(&Motion { state: [&q, &v, &a], load: None }).unwrap().torque;
+        torque[0] += (mean + scatter * differs[run as usize]) * v[0];
+        let noisy = torque.iter().map(|torque| torque + 1e-5 * rng.random_range(-1.0..1.0));
+        let numbers = [vec![t, f64::from(run)], q.to_vec(), v.to_vec(), a.to_vec(), noisy.collect()].concat();
+        text += &(numbers.iter().map(ToString::to_string).collect::<Vec<_>>().join(",") + "\n");
+    }
+    let table = Table::read_text(Path::new("finger.csv"), text.as_bytes(), &Names::new()).unwrap().0;
+    let found = diagnose_table(&model, &table, &SignalOptions::default()).unwrap();
+    let [low, high] = found.diagnosis.effects[0].values[0].ci95.unwrap();
+    let expected = quantile_975(7) * scatter / 8f64.sqrt();
+    assert!((high - low) / 2.0 > 0.8 * expected && low < mean && mean < high, "{low} {high} {expected}");
 }

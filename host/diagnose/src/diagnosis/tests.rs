@@ -17,6 +17,7 @@ use crate::correction::Keep;
 use crate::linearise::arm_candidates as candidate;
 use crate::measurement_plan::{self, plan};
 use crate::outcome::Verdict;
+use crate::select::significance::quantile_975;
 use darm_measure::Sample;
 
 fn arm() -> Arm {
@@ -103,6 +104,25 @@ fn the_value_lies_in_its_interval_and_the_model_is_corrected() {
     assert_eq!(corrected.model.number, arm.model.number + 1);
     let again = diagnose(&corrected, &run, &Options::default()).unwrap().diagnosis;
     assert_eq!(again.verdict, Verdict::NoEffect);
+}
+
+/// A stroke that differs from run to run: the mean of six is off by their scatter over the root of six, however many words each has.
+#[test]
+fn an_interval_counts_runs_and_not_words_where_these_differ() {
+    let arm = arm();
+    // Of mean zero and unit standard deviation.
+    let differs = [-1.3, 0.7, 1.1, -0.4, -0.9, 0.8];
+    let (mean_m, scatter_m) = (3e-3, 1.5e-4);
+    let run_of = |(number, differs): (usize, &f64)| {
+        let effect = Effect::StrokeLoss { actuator: 4, state: 1, loss_m: mean_m + scatter_m * differs };
+        let samples = measured(&arm, &[effect], changing).samples.into_iter();
+        samples.map(move |sample| Sample { run: number as u32, ..sample })
+    };
+    let run = Run { samples: differs.iter().enumerate().flat_map(run_of).collect(), ..Run::default() };
+    let found = diagnose(&arm, &run, &Options::default()).unwrap().diagnosis;
+    let [low, high] = found.effects[0].values[0].ci95.unwrap();
+    let expected_m = quantile_975(5) * scatter_m / 6f64.sqrt();
+    assert!((high - low) / 2.0 > 0.8 * expected_m && low < mean_m && mean_m < high, "{low} {high} {expected_m}");
 }
 
 #[test]

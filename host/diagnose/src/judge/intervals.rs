@@ -6,6 +6,7 @@ use crate::effect::{Effect, Value};
 use crate::judge::selected::SelectedSignals;
 use crate::linearise::experiment::{self, Candidate};
 use crate::outcome::Number;
+use crate::prepare::groups::{Clusters, Groups};
 use crate::progress::Cancelled;
 use crate::select::backward::FALSE_SHARE;
 use crate::select::problem::{Neighbours as _, RegressionProblem as _};
@@ -23,25 +24,66 @@ const SHARE_BETWEEN_SHAPES: f64 = 0.289;
 /// A value is not identified where all but this share of its column is that of others.
 const OWN_SHARE: f64 = 1e-6;
 
-/// Standard deviations of the values with these numbers: of independent rows with their priors, or by pieces of rows
-/// (sandwich), whichever is larger; with them what the shapes between those that were tried would change.
-fn deviations(selected: &SelectedSignals, indices: &[usize]) -> Vec<f64> {
+/// How far a value may be off.
+#[derive(Clone, Copy)]
+struct Deviation {
+    /// One standard deviation.
+    sigma: f64,
+    /// What it rests on.
+    dof: usize,
+}
+
+impl Deviation {
+    /// Half the width of the interval at 95 %.
+    fn half_width(self) -> f64 {
+        quantile_975(self.dof) * self.sigma
+    }
+}
+
+/// Deviations of the values with these numbers: of independent rows with their priors, by pieces of rows or, where there are several, by
+/// days, runs or conditions (sandwich), whichever gives the widest interval; with them what the shapes between those that were tried
+/// would change.
+fn deviations(selected: &SelectedSignals, indices: &[usize]) -> Vec<Deviation> {
+    let SelectedSignals { problem, best, .. } = selected;
+    let Groups { blocks, n_blocks, clusters, .. } = &problem.groups;
+    let inverse = pseudo_inverse(&problem.under(best).information(indices));
+    let by_pieces = sandwich(selected, indices, &inverse, blocks, *n_blocks);
+    let by_clusters = clusters.as_ref().map(|Clusters { of_rows, count }| {
+        // Of few clusters the sandwich is too small by this share (Cameron, Miller, J. Human Resources 50 (2015) 317, equation 11).
+        let few = *count as f64 / (count - 1) as f64;
+        (few * sandwich(selected, indices, &inverse, of_rows, *count), count - 1)
+    });
+    let by_shape = by_shape(selected, indices, &inverse);
+    let of_value = |k: usize| {
+        let deviation = |variance: f64, dof| Deviation { sigma: (variance.max(0.0) + by_shape[k]).sqrt(), dof };
+        let by_pieces = deviation(by_pieces[k].max(inverse[(k, k)]), n_blocks.saturating_sub(1));
+        let by_clusters = by_clusters.as_ref().map(|(variances, dof)| deviation(variances[k], *dof));
+        by_clusters.filter(|other| other.half_width() > by_pieces.half_width()).unwrap_or(by_pieces)
+    };
+    (0..indices.len()).map(of_value).collect()
+}
+
+/// Variances of values when the rows of a group share their errors; `groups` has the group of each training row.
+fn sandwich(
+    selected: &SelectedSignals,
+    indices: &[usize],
+    inverse: &DMatrix<f64>,
+    groups: &[usize],
+    n_groups: usize,
+) -> DVector<f64> {
     let SelectedSignals { problem, best, .. } = selected;
     let weighted = problem.under(best);
-    let inverse = pseudo_inverse(&weighted.information(indices));
     let residuals = weighted.training_residuals(&best.fit);
     let n_axes = problem.experiment.axes.len();
     let entry_weights = weights(&residuals, 1);
-    let mut scores = DMatrix::<f64>::zeros(indices.len(), problem.groups.n_blocks);
+    let mut scores = DMatrix::<f64>::zeros(indices.len(), n_groups);
     for (a, &value) in indices.iter().enumerate() {
         for (k, slope) in weighted.column(value).iter().enumerate() {
             let score = entry_weights[k] * slope * residuals[k] / best.weighting.autocorrelation_time;
-            scores[(a, problem.groups.blocks[k / n_axes])] += score;
+            scores[(a, groups[k / n_axes])] += score;
         }
     }
-    let sandwich = &inverse * (&scores * scores.transpose()) * &inverse;
-    let by_shape = by_shape(selected, indices, &inverse);
-    (0..indices.len()).map(|k| (sandwich[(k, k)].max(inverse[(k, k)]).max(0.0) + by_shape[k]).sqrt()).collect()
+    (inverse * (&scores * scores.transpose()) * inverse).diagonal()
 }
 
 /// Variances of values because the numbers in the shapes of laws come from a grid. The law with the next shape in place of a
@@ -94,7 +136,6 @@ pub(crate) fn effects(selected: &SelectedSignals) -> Result<(Vec<Effect>, Vec<St
     let deviations = deviations(selected, &indices);
     let information = problem.under(best).information(&indices);
     let inverse = pseudo_inverse(&information);
-    let width = quantile_975(problem.groups.n_blocks.saturating_sub(1));
     let (mut found, mut unobservable, mut next): (Vec<Effect>, _, _) = (Vec::new(), Vec::new(), 0);
     let surrogates = surrogates(problem, best, *n_known);
     let (named, neighbours) = (named(selected, &deviations), problem.neighbours(best)?);
@@ -105,7 +146,7 @@ pub(crate) fn effects(selected: &SelectedSignals) -> Result<(Vec<Effect>, Vec<St
         let number = best.fit.active[order];
         let body = problem.experiment.bodies.iter().find(|body| body.candidate == number);
         for (k, value) in candidate.values.iter().enumerate() {
-            let (at, half) = (best.fit.values[indices[next]], width * deviations[next]);
+            let (at, half) = (best.fit.values[indices[next]], deviations[next].half_width());
             let own_share = 1.0 / (information[(next, next)] * inverse[(next, next)]).max(f64::MIN_POSITIVE);
             let is_identified = match value.prior.is_finite() {
                 true => narrows(value, inverse[(next, next)]),
@@ -175,19 +216,19 @@ fn value_name(value: &experiment::Value, of: &Candidate) -> String {
 }
 
 /// Which effects are named: the known ones, and of those selected the ones that differ from zero.
-fn named(selected: &SelectedSignals, deviations: &[f64]) -> Vec<bool> {
+fn named(selected: &SelectedSignals, deviations: &[Deviation]) -> Vec<bool> {
     let mut named = vec![true; selected.n_known];
     named.extend(discoveries(&chances(selected, deviations)[selected.n_known..], FALSE_SHARE));
     named
 }
 
 /// The chance of each effect of the model to be zero, by its values.
-fn chances(selected: &SelectedSignals, deviations: &[f64]) -> Vec<f64> {
+fn chances(selected: &SelectedSignals, deviations: &[Deviation]) -> Vec<f64> {
     let SelectedSignals { problem, best, .. } = selected;
     let mut deviations = deviations.iter();
-    let of_value = |(&index, deviation): (&usize, &f64)| {
-        let errors = best.fit.values[index] / deviation.max(f64::MIN_POSITIVE);
-        chance_beyond(errors, problem.groups.n_blocks.saturating_sub(1))
+    let of_value = |(&index, deviation): (&usize, &Deviation)| {
+        let errors = best.fit.values[index] / deviation.sigma.max(f64::MIN_POSITIVE);
+        chance_beyond(errors, deviation.dof)
     };
     let chance = |candidate: &usize| {
         let values = problem.indices(&[*candidate]);

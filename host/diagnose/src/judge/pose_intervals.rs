@@ -6,6 +6,7 @@ use super::constancy::Fitted;
 use super::selected::SelectedPoses;
 use crate::linearise::arm_candidates;
 use crate::outcome::{Dependence, Effect, Number, Value};
+use crate::prepare::groups::Clusters;
 use crate::prepare::observations;
 use crate::select::problem::RegressionProblem as _;
 use crate::select::problem::{Neighbours as _, Trial};
@@ -15,14 +16,13 @@ use crate::select::tool_pose::{NoTrial, ToolPoses, values};
 
 /// The effects selected, with intervals of their values.
 pub(crate) fn effects(selected: &SelectedPoses) -> Result<Vec<Effect>, NoTrial> {
-    let SelectedPoses { arm, problem, best, .. } = *selected;
+    let SelectedPoses { arm, best, .. } = *selected;
     let fit = &best.fit;
-    let covariance = covariance(fit, &problem.training);
-    let width = quantile_975(problem.training.n_groups.saturating_sub(fit.values.len()));
+    let half_widths = half_widths(selected);
     let mut found = Vec::new();
     for (index, effect) in fit.model.effects.iter().enumerate().skip(selected.n_known()) {
         let value = |(column, &(_, value)): (usize, &observations::Value)| {
-            let half = width * covariance[(column, column)].max(0.0).sqrt();
+            let half = half_widths[column];
             let (quantity, value) = (effect.quantities()[value], effect.values()[value]);
             let ci95 = Some([value - half, value + half]);
             Value { name: quantity.name.into(), value, unit: quantity.unit.into(), ci95, nominal: None }
@@ -36,6 +36,20 @@ pub(crate) fn effects(selected: &SelectedPoses) -> Result<Vec<Effect>, NoTrial> 
         });
     }
     Ok(found)
+}
+
+/// Half the width of the interval of each value: by words, or by runs where there are enough and they differ by more.
+fn half_widths(selected: &SelectedPoses) -> Vec<f64> {
+    let SelectedPoses { problem, best, run, .. } = *selected;
+    let (fit, training) = (&best.fit, &problem.training);
+    let by = |groups: &[usize], n_groups: usize, dof: usize| -> Vec<f64> {
+        let variances = covariance(fit, groups, n_groups).diagonal();
+        variances.iter().map(|variance| quantile_975(dof) * variance.max(0.0).sqrt()).collect()
+    };
+    let by_words = by(&training.groups(), training.n_groups, training.n_groups.saturating_sub(fit.values.len()));
+    let runs: Vec<usize> = training.rows.iter().map(|row| run.samples[row.sample].run as usize).collect();
+    let Some(Clusters { of_rows, count }) = Clusters::of(&runs) else { return by_words };
+    by_words.into_iter().zip(by(&of_rows, count, count - 1)).map(|(words, runs)| words.max(runs)).collect()
 }
 
 /// Takes the intervals from values that are not the same all the time; gives what the residual depends on by them.

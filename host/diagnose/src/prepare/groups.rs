@@ -4,6 +4,8 @@
 pub const FOLDS: usize = 10;
 /// Pieces that the training rows are cut into at least, where there are as many rows.
 const PIECES: usize = 24;
+/// Runs from which on the spread of a value between them is estimated: with fewer, Student's t makes any interval say nothing.
+const MIN_CLUSTERS: usize = 4;
 /// The lag beyond which rows do not repeat each other.
 const LONGEST_LAG: usize = 200;
 
@@ -24,6 +26,27 @@ pub struct Row {
     pub held_out: bool,
 }
 
+/// Rows that were measured under one condition: they may share an error that the rows of another condition do not have, so that
+/// pieces of one of them tell nothing about it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Clusters {
+    /// The cluster of each row.
+    pub of_rows: Vec<usize>,
+    /// How many there are.
+    pub count: usize,
+}
+
+impl Clusters {
+    /// Rows by the number of their condition; `None` where there are too few conditions to compare them.
+    pub fn of(conditions: &[usize]) -> Option<Self> {
+        let mut different = conditions.to_vec();
+        different.sort_unstable();
+        different.dedup();
+        let of_rows = conditions.iter().map(|condition| different.partition_point(|other| other < condition)).collect();
+        (different.len() >= MIN_CLUSTERS).then_some(Self { of_rows, count: different.len() })
+    }
+}
+
 /// Groups of the training rows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Groups {
@@ -37,6 +60,8 @@ pub struct Groups {
     pub blocks: Vec<usize>,
     /// How many pieces there are.
     pub n_blocks: usize,
+    /// Rows that have a day, a load or a run in common.
+    pub clusters: Option<Clusters>,
     /// What is left out together, in words.
     pub left_out: &'static str,
     /// Whether the row before belongs to the same stretch.
@@ -60,19 +85,12 @@ impl Groups {
         different.dedup();
         if keys.len() == training.len() && different.len() >= 3 {
             let folds = keys.iter().map(|key| different.binary_search(key).expect("different has every key")).collect();
-            let n_folds = different.len();
-            return Self {
-                training,
-                folds,
-                n_folds,
-                blocks,
-                n_blocks,
-                left_out: "values of the held-out column",
-                follows,
-            };
+            let (n_folds, clusters, left_out) = (different.len(), Clusters::of(&keys), "values of the held-out column");
+            return Self { training, folds, n_folds, blocks, n_blocks, clusters, left_out, follows };
         }
         let folds = blocks.iter().map(|block| block % FOLDS).collect();
-        Self { training, folds, n_folds: FOLDS, blocks, n_blocks, left_out: "pieces of time", follows }
+        let clusters = Clusters::of(&training.iter().map(|&row| rows[row].motion).collect::<Vec<usize>>());
+        Self { training, folds, n_folds: FOLDS, blocks, n_blocks, clusters, left_out: "pieces of time", follows }
     }
 
     /// The autocorrelation time of these residuals in rows: the integral of their autocorrelation, counted over both signs of

@@ -253,22 +253,23 @@ fn at(model: ArmModel, observations: &Observations, values: &[Value], scratch: &
     Ok(Fit { model, values, residuals, columns })
 }
 
-/// The covariance of fitted values by the jackknife: how far they go when a word is left out, all its rows together, so
-/// that what the rows of a word have in common is not counted as many times.
+/// The covariance of fitted values by the jackknife: how far they go when a group is left out, all its rows together, so
+/// that what the rows of a word, or of a run, have in common is not counted as many times. `groups` has the group of each row, less than
+/// `n_groups`.
 ///
 /// Source: R. M. Bell, D. F. McCaffrey, Survey Methodology 28 (2002) 169.
-pub fn covariance(fit: &Fit, observations: &Observations) -> DMatrix<f64> {
-    let n_axes = observations.n_axes();
+pub fn covariance(fit: &Fit, groups: &[usize], n_groups: usize) -> DMatrix<f64> {
+    let n_axes = fit.residuals.len() / groups.len().max(1);
     let row_weights = weights(&fit.residuals, n_axes);
     let (information, _) = normal(&fit.columns, &fit.residuals, &row_weights);
-    let (p, n_groups) = (fit.columns.len(), observations.n_groups);
+    let p = fit.columns.len();
     let mut without = vec![information; n_groups];
     let mut scores = vec![DVector::<f64>::zeros(p); n_groups];
-    for (index, (row, weight)) in observations.rows.iter().zip(&row_weights).enumerate() {
+    for (index, (&group, weight)) in groups.iter().zip(&row_weights).enumerate() {
         for k in index * n_axes..(index + 1) * n_axes {
             let slopes = DVector::from_iterator(p, fit.columns.iter().map(|column| column[k]));
-            without[row.group].ger(-weight, &slopes, &slopes, 1.0);
-            scores[row.group].axpy(weight * fit.residuals[k], &slopes, 1.0);
+            without[group].ger(-weight, &slopes, &slopes, 1.0);
+            scores[group].axpy(weight * fit.residuals[k], &slopes, 1.0);
         }
     }
     let mut covariance = DMatrix::zeros(p, p);

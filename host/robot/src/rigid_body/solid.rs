@@ -180,6 +180,8 @@ fn centroid(triangles: &[[Vec3<f64>; 3]]) -> Option<Vec3<f64>> {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Rotation3;
+
     use super::*;
 
     const STEPS: usize = 160;
@@ -246,6 +248,27 @@ mod tests {
         let complete = Solid::cuboid([0.2, 0.3, 0.4]).with_mass(4.0);
         assert!((both.about_com - complete.about_com).amax() < 1e-15 && both.com.norm() < 1e-15);
         assert!((Solid::sphere(0.1).with_mass(1.0).about_com.m11 - 0.4 * 0.01).abs() < 1e-15);
+    }
+
+    /// R·I·Rᵀ about the moved centre.
+    #[test]
+    fn a_mesh_of_a_turned_box_has_its_products_of_inertia() {
+        let edges = [0.2, 0.3, 0.4];
+        let turn = Rotation3::from_euler_angles(0.4, -0.7, 1.1);
+        let at = Vec3::new(0.5, -0.3, 0.2);
+        let corner = |k: usize| Vec3::from_fn(|axis, _| edges[axis] * ((k >> axis & 1) as f64 - 0.5));
+        let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let triangles: Vec<[Vec3<f64>; 3]> = faces
+            .iter()
+            .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]])
+            .map(|face| face.map(|k| turn * corner(k) + at))
+            .collect();
+        let expected = turn.matrix() * Solid::cuboid(edges).moments_m5 * turn.matrix().transpose();
+        for count in [Pyramids::Signed, Pyramids::Positive] {
+            let mesh = Solid::of_triangles(&triangles, count).unwrap();
+            assert!((mesh.center_m - at).norm() < 1e-15);
+            assert!((mesh.moments_m5 - expected).amax() < 1e-14 * expected.amax(), "{}", mesh.moments_m5);
+        }
     }
 
     #[test]
