@@ -17,7 +17,7 @@
 //! | `effects` | law, where, values with unit and 95 % interval, by how much the held-out norm grows without it |
 //! | `alternatives` | what would explain the rows as well in an effect's place |
 //! | `unobservable` | values that these rows do not identify, without numbers |
-//! | `unconfirmed` | effects of signals that the errors after rest on too, and that these rows do not confirm by themselves |
+//! | `unconfirmed` | effects that the errors after rest on too, and that these rows do not confirm each by itself |
 //! | `structure`, `remaining` | what the residual depends on before and after |
 //! | `outliers` | rows that no model explains, by line |
 //! | `next_measurement` | what to measure to distinguish alternatives, or null |

@@ -30,6 +30,13 @@ impl HeldOut {
         self.after.extend(experiment.of_rows(&experiment.at(&selected.best.fit.values), true));
     }
 
+    /// The rows that a search has not seen, with other values before.
+    pub(crate) fn from(selected: &SelectedSignals, before: &[f64]) -> Self {
+        let experiment = &selected.problem.experiment;
+        let of = |values: &[f64]| experiment.of_rows(&experiment.at(values), true);
+        Self { before: of(before), after: of(&selected.best.fit.values) }
+    }
+
     /// Whether the error falls by more than its uncertainty, each axis in units of its noise, and that of the norm, the first
     /// `n_norm` axes, without rows that are far off, does not rise. Without rows the selection has shown as much by
     /// cross-validation.

@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::effect::{Effect, Value};
+use crate::judge::held_out::HeldOut;
 use crate::judge::selected::SelectedSignals;
 use crate::linearise::experiment::{self, Candidate};
 use crate::outcome::Number;
@@ -167,9 +168,11 @@ pub(crate) fn effects(selected: &SelectedSignals) -> Result<(Vec<Effect>, Vec<St
         } else if let Some(same) = same {
             same.values.extend(values);
         } else if values.len() > n_shape && named[order] {
-            let without = neighbours.with_one_less(order)?;
-            let held_out_gain = held_out_gain(selected, &without.fit);
-            found.push(Effect { law: candidate.law, site: candidate.site.clone(), values, held_out_gain });
+            let without = neighbours.with_one_less(order)?.fit;
+            if order < *n_known || is_confirmed(selected, &without) {
+                let held_out_gain = held_out_gain(selected, &without);
+                found.push(Effect { law: candidate.law, site: candidate.site.clone(), values, held_out_gain });
+            }
         }
     }
     if problem.experiment.all_priors_informative() {
@@ -245,6 +248,14 @@ pub(crate) fn likeliest(selected: &SelectedSignals, count: usize) -> Vec<usize> 
     let mut order: Vec<usize> = (selected.n_known..active.len()).collect();
     order.sort_by(|&a, &b| chances[a].total_cmp(&chances[b]));
     order.iter().take(count).map(|&order| active[order]).collect()
+}
+
+/// Whether rows that no fit has seen are predicted worse without an effect. One that fits the others' errors has an interval without zero
+/// too.
+fn is_confirmed(selected: &SelectedSignals, without: &Fit) -> bool {
+    let falls = HeldOut::from(selected, &without.values)
+        .falls(&selected.best.weighting.sigma, selected.problem.experiment.n_norm);
+    falls && held_out_gain(selected, without).is_none_or(|gain| gain.value > 0.0)
 }
 
 /// By how much the held-out norm is larger without an effect.

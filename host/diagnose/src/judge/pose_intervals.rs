@@ -1,7 +1,5 @@
 //! The effects selected for tool poses, with the confidence intervals of their values.
 
-use darm_arm::arm::ArmScratch;
-
 use super::constancy::Fitted;
 use super::selected::SelectedPoses;
 use crate::linearise::arm_candidates;
@@ -14,12 +12,12 @@ use crate::select::robust_fit::covariance;
 use crate::select::significance::quantile_975;
 use crate::select::tool_pose::{NoTrial, ToolPoses, values};
 
-/// The effects selected, with intervals of their values.
-pub(crate) fn effects(selected: &SelectedPoses) -> Result<Vec<Effect>, NoTrial> {
-    let SelectedPoses { arm, best, .. } = *selected;
+/// The effects selected, with intervals of their values; and of each whether rows that no fit has seen are predicted worse without it.
+pub(crate) fn effects(selected: &SelectedPoses) -> Result<(Vec<Effect>, Vec<bool>), NoTrial> {
+    let SelectedPoses { arm, problem, best, .. } = *selected;
     let fit = &best.fit;
     let half_widths = half_widths(selected);
-    let mut found = Vec::new();
+    let (mut found, mut is_confirmed) = (Vec::new(), Vec::new());
     for (index, effect) in fit.model.effects.iter().enumerate().skip(selected.n_known()) {
         let value = |(column, &(_, value)): (usize, &observations::Value)| {
             let half = half_widths[column];
@@ -28,14 +26,17 @@ pub(crate) fn effects(selected: &SelectedPoses) -> Result<Vec<Effect>, NoTrial> 
             Value { name: quantity.name.into(), value, unit: quantity.unit.into(), ci95, nominal: None }
         };
         let of_effect = fit.values.iter().enumerate().filter(|(_, (owner, _))| *owner == index);
+        let without = without(selected, index)?;
+        let gain_m = problem.held_out_m(&without)? - problem.held_out_m(best)?;
         found.push(Effect {
             law: effect.name(),
             site: arm_candidates::site(arm, effect),
             values: of_effect.map(value).collect(),
-            held_out_gain: Some(Number::new(held_out_gain_m(selected, index)?, "m")),
+            held_out_gain: Some(Number::new(gain_m, "m")),
         });
+        is_confirmed.push(problem.held_out_falls(&without, best)?);
     }
-    Ok(found)
+    Ok((found, is_confirmed))
 }
 
 /// Half the width of the interval of each value: by words, or by runs where there are enough and they differ by more.
@@ -68,16 +69,13 @@ pub(crate) fn withhold_of_changing(selected: &SelectedPoses, effects: &mut [Effe
     fitted.withhold_intervals(effects, &places).into_iter().map(|(_, dependence)| dependence).collect()
 }
 
-/// By how much the held-out error is larger without one of the effects, m.
-fn held_out_gain_m(selected: &SelectedPoses, effect: usize) -> Result<f64, NoTrial> {
+/// The best model refitted without one of its effects.
+fn without(selected: &SelectedPoses, effect: usize) -> Result<Trial<ToolPoses>, NoTrial> {
     let SelectedPoses { arm, problem, best, .. } = *selected;
-    let without = if best.fit.model.effects.len() == selected.n_known() + 1 {
-        let nominal = problem.training.residuals(&arm.model, &mut ArmScratch::default())?;
-        problem.held_out_m_of(&arm.model, &nominal)?
-    } else {
-        problem.held_out_m(&problem.neighbours(best)?.with_one_less(effect)?)?
-    };
-    Ok(without - problem.held_out_m(best)?)
+    if best.fit.model.effects.len() == selected.n_known() + 1 {
+        return Ok(problem.fitted(&arm.model)?);
+    }
+    Ok(problem.neighbours(best)?.with_one_less(effect)?)
 }
 
 /// Values of the effects selected that no row identifies; on a planar arm, offsets out of the plane say.

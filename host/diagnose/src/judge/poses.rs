@@ -12,7 +12,7 @@ use super::structure::structure;
 use super::{Judgement, far_rows, pose_intervals};
 use crate::agreement;
 use crate::linearise::arm_candidates;
-use crate::outcome::{Alternative, AxisFigure, Number, Repeatability, RepeatedIn, Structure, Verdict};
+use crate::outcome::{self, Alternative, AxisFigure, Number, Repeatability, RepeatedIn, Structure, Verdict};
 use crate::prepare::observations::{NoPose, axes};
 use crate::prepare::repeatability::Noise;
 use crate::progress::Cancelled;
@@ -39,14 +39,21 @@ pub(crate) fn judge(
     let look = |trial: &Trial<ToolPoses>| structure_after(selected, trial);
     let with = with_terms(problem, best, &mut remaining.depends_on, look)?;
     let is_wrong_in_part = far_rows::are_too_many(far_rows::far_rows(selected).len(), problem.training.rows.len());
-    let mut named = pose_intervals::effects(selected)?;
-    let changing = pose_intervals::withhold_of_changing(selected, &mut named);
+    let (mut selected_effects, is_confirmed) = pose_intervals::effects(selected)?;
+    let changing = pose_intervals::withhold_of_changing(selected, &mut selected_effects);
+    let (named, unconfirmed): (Vec<_>, Vec<_>) =
+        selected_effects.into_iter().zip(is_confirmed).partition(|(_, is_confirmed)| *is_confirmed);
+    let named: Vec<outcome::Effect> = named.into_iter().map(|(effect, _)| effect).collect();
+    let unconfirmed: Vec<String> =
+        unconfirmed.iter().map(|(effect, _)| format!("{} at {}", effect.law, effect.site.name)).collect();
+    // They help together, and none of them by itself.
+    let none_alone = named.is_empty() && effects.len() > 1;
     let explained = agreement::poses::explained(arm, selected.run, problem.training.distances_m(&best.predicted));
     let beyond_repeats = |trial: &Trial<ToolPoses>| Ok::<_, NoPose>(exceeds_noise(&left(selected, trial)?));
     let evidence = Evidence {
         agrees: selected.agreement.allows(effects.len(), explained),
-        named: effects.len(),
-        is_ambiguous: alternatives.iter().any(|other| !is_same_part(other, &effects)),
+        named: named.len(),
+        is_ambiguous: none_alone || alternatives.iter().any(|other| !is_same_part(other, &effects)),
         was_beyond_noise: before.beyond_noise || is_wrong_in_part || beyond_repeats(start)?,
         is_left: is_wrong_in_part
             || !changing.is_empty()
@@ -81,7 +88,7 @@ pub(crate) fn judge(
         effects: if verdict.names_effects() { named } else { Vec::new() },
         alternatives,
         unobservable: pose_intervals::unobservable(best),
-        unconfirmed: Vec::new(),
+        unconfirmed,
         repeatability: selected.repeatability.map(|noise| repeatability(arm, noise)),
         is_noise_known: evidence.is_noise_known(),
         // What the residual correlates with is more, if too little to change the verdict.

@@ -92,7 +92,7 @@ pub(crate) fn judge(
     let changing = withhold_of_changing(selected, &mut effects);
     let is_changing = !changing.is_empty();
     remaining.splice(0..0, changing);
-    let event = event(&problem.experiment, &effects);
+    let event = event(selected);
     let is_event = event.is_some();
     remaining.splice(0..0, event);
     if remaining.is_empty() && rest.is_beyond_repeats {
@@ -221,11 +221,12 @@ fn by_condition(left: &[AxisLeft]) -> Dependence {
 }
 
 /// The moment at which several joints change at once: that is one cause, such as what the tool carries, and no law of each of them.
-fn event(experiment: &Experiment, effects: &[Effect]) -> Option<Dependence> {
-    let steps = effects.iter().filter(|effect| effect.law == Law::StepInTime);
-    let moments: Vec<f64> = steps
-        .filter_map(|step| step.values.iter().find(|value| value.ci95.is_none()).map(|moment| moment.value))
-        .collect();
+/// A step that is too small to be named by itself shows it too.
+fn event(selected: &SelectedSignals) -> Option<Dependence> {
+    let experiment = &selected.problem.experiment;
+    let found = (selected.n_known..selected.best.fit.active.len()).map(|order| selected.candidate(order));
+    let steps = found.filter(|candidate| candidate.law == Law::StepInTime);
+    let moments: Vec<f64> = steps.filter_map(|step| step.shape.as_ref().map(|(_, moment, _)| *moment)).collect();
     let times = || experiment.rows.iter().map(|row| row.time_s);
     let length_s = times().fold(f64::MIN, f64::max) - times().fold(f64::MAX, f64::min);
     let is_together = |a: &f64| moments.iter().filter(|b| (*a - **b).abs() < AT_ONCE * length_s).count() > 1;

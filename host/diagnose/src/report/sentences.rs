@@ -4,7 +4,7 @@ use darm_core::effect::{Effect, Plate};
 
 use crate::judge::far_rows::are_too_many;
 use crate::judge::fitted_terms::WithTerms;
-use crate::linearise::arm_candidates::{place_name, term_name};
+use crate::linearise::arm_candidates::{place_name, site, term_name};
 use crate::outcome::{
     self, Alternative, BeforeAfter, Dependence, Diagnosis, ErrorFigure, NextMeasurement, Number, OtherReading,
     Regressor, RepeatedIn, Verdict,
@@ -31,8 +31,14 @@ pub(crate) fn of_poses(
         return sentences;
     }
     if diagnosis.verdict.names_effects() {
-        sentences.extend(effects.iter().map(|effect| capitalised(&effect_sentence(arm, effect))));
+        let is_named = |effect: &&Effect<f64>| {
+            let site = site(arm, effect);
+            diagnosis.effects.iter().any(|named| named.law == effect.name() && named.site == site)
+        };
+        let named = effects.iter().filter(is_named);
+        sentences.extend(named.map(|effect| capitalised(&effect_sentence(arm, effect))));
         sentences.extend(error_sentence(diagnosis));
+        sentences.extend(unconfirmed_sentence(diagnosis));
     }
     if diagnosis.verdict == Verdict::NotIdentifiable {
         let candidates = diagnosis.alternatives.iter().map(|other| format!("{} at {}", other.law, other.site.name));
@@ -62,9 +68,8 @@ pub(crate) fn of_signals(diagnosis: &Diagnosis) -> Vec<String> {
     if !diagnosis.unobservable.is_empty() {
         sentences.push(format!("Not identifiable from these data: {}.", diagnosis.unobservable.join("; ")));
     }
-    if diagnosis.verdict.names_effects() && !diagnosis.unconfirmed.is_empty() {
-        let all = diagnosis.unconfirmed.join("; ");
-        sentences.push(format!("In the corrected model too, though these data do not confirm each by itself: {all}."));
+    if diagnosis.verdict.names_effects() {
+        sentences.extend(unconfirmed_sentence(diagnosis));
     }
     if !diagnosis.alternatives.is_empty() {
         let name = |other: &Alternative| format!("{} at {}", other.law, other.site);
@@ -100,6 +105,13 @@ pub(crate) fn of_signals(diagnosis: &Diagnosis) -> Vec<String> {
     }
     sentences.extend(outlier_sentence(diagnosis));
     sentences
+}
+
+/// The effects that the corrected model has for its prediction alone.
+fn unconfirmed_sentence(diagnosis: &Diagnosis) -> Option<String> {
+    let all = diagnosis.unconfirmed.join("; ");
+    (!all.is_empty())
+        .then(|| format!("In the corrected model too, though these data do not confirm each by itself: {all}."))
 }
 
 /// The effects that the user rejected, with the reasons.
