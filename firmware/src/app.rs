@@ -165,10 +165,13 @@ pub async fn work<F: NorFlash, C: Clock + Copy>(
                         break;
                     }
                     let Some(item) = port.push(byte, dispatcher.clock.now()) else { continue };
-                    let stopped = take(inbox, dispatcher, item, &out).await;
-                    if let Some(into) = dispatcher.restart_due(stopped) {
-                        // Whether the answer leaves or not, the board restarts.
+                    let mut stopped = take(inbox, dispatcher, item, &out).await;
+                    if dispatcher.has_restart() {
+                        // Whether the answer leaves or not, the board restarts; a stop that comes until then drops that too.
                         let _ = out.writer.lock().await.flush().await;
+                        stopped |= inbox.is_stopped(shared);
+                    }
+                    if let Some(into) = dispatcher.restart_due(stopped) {
                         return into;
                     }
                     if stopped {

@@ -318,6 +318,11 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
         Ok(())
     }
 
+    /// Whether a restart was requested.
+    pub fn has_restart(&self) -> bool {
+        self.reboot.is_some()
+    }
+
     /// What the board is to restart into now. A restart that was requested before a stop is dropped, as all that came
     /// before it.
     pub fn restart_due(&mut self, stopped: bool) -> Option<bootstrap::RebootTarget> {

@@ -5,7 +5,7 @@ use darm_core::sequencer::{Command, CommandError};
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap;
 use darm_core::wire::message::{Answer, Calibration, Refusal, Request};
-use embassy_futures::select::select;
+use embassy_futures::select::{Either, select};
 use embassy_futures::yield_now;
 
 use super::fakes::{Cells, profile, profile_image, run, table, table_under};
@@ -17,8 +17,8 @@ use crate::port::QUEUE;
 const STOPPED: Result<Answer, Refusal> = Err(Refusal::Command(CommandError::Stopped));
 
 /// Serves the console for so long; `each` is called in every millisecond with what has passed, to type and to read as much
-/// as a line of 115 200 baud brings.
-fn serve_for(bench: &Bench, millis: u64, mut each: impl FnMut(u64, &Pipe<2048>, &str)) {
+/// as a line of 115 200 baud brings. Whether the board restarts meanwhile.
+fn serve_for(bench: &Bench, millis: u64, mut each: impl FnMut(u64, &Pipe<2048>, &str)) -> bool {
     let (input, output) = (Pipe::<2048>::new(), Pipe::<QUEUE>::new());
     let mut dispatcher = bench.dispatcher.borrow_mut();
     let (mut reader, mut writer) = (PipeReader(&input), PipeWriter(&output));
@@ -29,11 +29,12 @@ fn serve_for(bench: &Bench, millis: u64, mut each: impl FnMut(u64, &Pipe<2048>, 
             yield_now().await;
         }
     };
-    run(select(serve(dispatcher.as_mut().unwrap(), &mut reader, &mut writer), over), || {
+    let ended = run(select(serve(dispatcher.as_mut().unwrap(), &mut reader, &mut writer), over), || {
         bench.tick();
         let said: String = core::iter::from_fn(|| output.pop()).take(11).map(char::from).collect();
         each(passed_ms(), &input, &said);
     });
+    matches!(ended, Either::First(_))
 }
 
 /// The first copy of a command may be lost, and somebody else stop the arm before the second one comes.
@@ -227,6 +228,29 @@ fn a_typed_stop_is_answered_at_once_while_the_console_prints() {
 fn a_second_stop_is_answered_at_once() {
     let answered = answered_ms(&loaded(), &[(1, "limits\r"), (4, "stop\r"), (8, "stop\r")], 200);
     assert!(answered.get(1).is_some_and(|ms| *ms <= 28), "typed at 4 and 8 ms, answered at {answered:?}");
+}
+
+/// The answer to `reboot`, and what is printed before it, take their time on the line.
+#[test]
+fn a_stop_drops_a_restart_whose_answer_is_on_its_way() {
+    for before in ["", "id\r", "id\rid\r"] {
+        for behind_ms in 1..12 {
+            let (mut all, mut has_left) = (String::new(), true);
+            let restarts = serve_for(&loaded(), 300, |ms, input, said| {
+                all += said;
+                match ms {
+                    1 => _ = input.push_slice(format!("{before}reboot\r").as_bytes()),
+                    _ if ms == 1 + behind_ms => {
+                        has_left = all.ends_with("restarting\r\n");
+                        _ = input.push_slice(b"stop\r");
+                    }
+                    _ => {}
+                }
+            });
+            assert!(!restarts || has_left, "{before:?}, {behind_ms} ms behind: {all:?}");
+            assert!(restarts || all.ends_with("ok\r\n"), "{before:?}, {behind_ms} ms behind: {all:?}");
+        }
+    }
 }
 
 #[test]

@@ -171,11 +171,14 @@ impl Hub {
         is_abandoned
     }
 
-    /// Stops an arm that is moved by hand; a program continues. False where that was necessary and is not confirmed: the link is lost and
-    /// pages say so, and the limits of the board hold.
-    pub(crate) fn stop_by_hand(&self) -> bool {
-        let is_manual = self.state().board.as_ref().is_some_and(|board| board.phase.name == "manual");
-        !is_manual || self.stop().is_ok_and(|confirmation| confirmation != Confirmation::Missing)
+    /// Whether the board has said last that it is moved by hand, and by no program.
+    pub(crate) fn is_by_hand(&self) -> bool {
+        self.state().board.as_ref().is_some_and(|board| board.phase.name == "manual")
+    }
+
+    /// Stops the board; false where that is not confirmed: the link is lost and pages say so, and the limits of the board hold.
+    pub(crate) fn stop_is_confirmed(&self) -> bool {
+        self.stop().is_ok_and(|confirmation| confirmation != Confirmation::Missing)
     }
 
     /// Number of stops so far.

@@ -36,16 +36,17 @@ pub(crate) struct Watcher {
     /// Number of stops before the connection was opened: after another one the board takes no command from it. `None` where
     /// the board has ended it for another reason.
     stops_at_hello: Option<u64>,
-    /// When a connection was opened that no stop of a page had ended, but the board, or whoever stopped it: what was ordered before that
-    /// is not sent.
+    /// When the connection was opened: what was ordered before that is not sent, as whoever ended the one before may have stopped the arm.
     opened: Instant,
     /// A page has gone with its control, and what it moved by hand is not known to rest.
     is_abandoned: bool,
+    /// Whether something is driven by hand, as far as is known: the board said so last, or has been asked to since.
+    is_by_hand: bool,
 }
 
 impl Watcher {
     pub(crate) fn new(hub: Arc<Hub>, open: Opener, orders: Receiver<Order>) -> Self {
-        Self { hub, open, orders, stops_at_hello: None, opened: Instant::now(), is_abandoned: false }
+        Self { hub, open, orders, stops_at_hello: None, opened: Instant::now(), is_abandoned: false, is_by_hand: false }
     }
 
     /// Runs until the server ends.
@@ -58,6 +59,12 @@ impl Watcher {
             self.hub.set_lost(lost.to_string());
             self.refuse_orders(Instant::now() + RETRY);
         }
+        self.switch_off();
+    }
+
+    /// As when the page in control goes away: nobody is left who would switch off what it drives by hand.
+    fn switch_off(&mut self) {
+        self.is_by_hand = self.is_by_hand && !self.hub.stop_is_confirmed();
     }
 
     fn connect(&mut self) -> Result<Client, ClientError> {
@@ -82,10 +89,13 @@ impl Watcher {
                     Err(error) => return error,
                 },
                 Err(error) => return error,
-                Ok(()) => {}
+                Ok(()) => self.is_by_hand = self.hub.is_by_hand(),
             }
-            self.is_abandoned = self.is_abandoned && !self.hub.stop_by_hand();
-            // At once after a stop of a page: while no connection is open, nobody would notice a stop of somebody else.
+            if self.is_abandoned {
+                self.switch_off();
+                self.is_abandoned = self.is_by_hand;
+            }
+            // At once after a stop of a page: what is ordered until then is refused.
             if let Err(error) = self.open_again(client) {
                 return error;
             }
@@ -93,8 +103,7 @@ impl Watcher {
                 self.execute(client, order);
             }
             if self.hub.has_ended() {
-                // As when the page in control goes away: nobody is left who would switch it off.
-                self.hub.stop_by_hand();
+                self.switch_off();
                 return LinkError::Closed { port: client.port().to_owned() }.into();
             }
         }
@@ -121,7 +130,17 @@ impl Watcher {
     }
 
     fn execute(&mut self, client: &mut Client, order: Order) {
-        let done = self.prepare(client, &order).and_then(|()| self.send(client, &order.task));
+        let done = self.prepare(client, &order).and_then(|()| {
+            let done = self.send(client, &order.task);
+            match (&order.task, &done) {
+                (Task::Play { .. }, Ok(())) => self.is_by_hand = false,
+                // Also where the answer is lost.
+                (Task::Command(_), Ok(())) => self.is_by_hand = true,
+                (Task::Command(_), Err(refused)) => self.is_by_hand |= refused.kind != Kind::Refused,
+                _ => {}
+            }
+            done
+        });
         // The page may have gone away.
         let _ = order.answer.send(done);
     }
@@ -134,7 +153,7 @@ impl Watcher {
             return Err(Refused::new(Kind::Stopped, "a stop came meanwhile; nothing was sent"));
         }
         if order.made < self.opened {
-            let text = "the connection was opened meanwhile, as after a stop of somebody else; nothing was sent";
+            let text = "the connection was opened meanwhile, as after a stop; nothing was sent";
             return Err(Refused::new(Kind::Stopped, text));
         }
         self.hub.control(|control, now| control.check(now, order.key))?;
@@ -151,12 +170,8 @@ impl Watcher {
 
     fn say_hello(&mut self, client: &mut Client) -> Result<(), ClientError> {
         let stops = self.hub.stops();
-        let is_own_stop = self.stops_at_hello.is_some_and(|at_hello| at_hello != stops);
         client.say_hello()?;
-        self.stops_at_hello = Some(stops);
-        if !is_own_stop {
-            self.opened = Instant::now();
-        }
+        (self.stops_at_hello, self.opened) = (Some(stops), Instant::now());
         Ok(())
     }
 

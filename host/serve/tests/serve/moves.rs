@@ -166,6 +166,32 @@ fn a_program_continues_without_the_page_that_started_it() {
     assert_ne!(bench.pins().0, 0);
 }
 
+/// A stop of the page ends the connection, so that one of somebody else right behind it cannot be told from it.
+#[test]
+fn nothing_that_a_page_ordered_between_its_stop_and_one_of_somebody_else_acts_after_both() {
+    use std::sync::atomic::Ordering;
+    let bench = Bench::start("planar4.toml");
+    bench.phase("idle");
+    let page = bench.page_in_control();
+    page.upload(&bench.table(&["000010000000"], 20.0));
+    bench.board.pass(2.0);
+    bench.phase("idle");
+    bench.is_held.store(true, Ordering::SeqCst);
+    thread::sleep(Duration::from_millis(100));
+    let order = thread::scope(|scope| {
+        scope.spawn(|| bench.stop());
+        thread::sleep(Duration::from_millis(100));
+        let order = scope.spawn(|| page.command(&json!({"do": "word", "word": "000010000000"})));
+        thread::sleep(Duration::from_millis(200));
+        bench.board.with_board(|board| board.send(b"stop\r")).unwrap();
+        bench.board.pass(0.05);
+        bench.is_held.store(false, Ordering::SeqCst);
+        order.join().unwrap()
+    });
+    bench.board.pass(0.05);
+    assert_eq!(bench.pins().0, 0, "{} {}", order.status, order.json());
+}
+
 /// The server opens a connection again by itself after a stop that is not its own, typed or of `darm stop`.
 #[test]
 fn nothing_that_a_page_ordered_before_a_stop_of_somebody_else_acts_after_it() {
@@ -203,7 +229,7 @@ fn a_server_that_ends_leaves_no_output_on_that_a_page_switched_by_hand() {
     let page = bench.page_in_control();
     page.upload(&bench.table(&["000010000000"], 20.0));
     assert_eq!(page.command(&json!({"do": "word", "word": "000010000000"})).status, 200);
-    bench.phase("manual");
+    // At once: the server has not looked at the board since.
     let board = bench.end();
     board.pass(3.0);
     let lines = board.with_board(|board| board.plant().lines()).unwrap();
