@@ -322,7 +322,7 @@ impl<'t> Control<'t> {
         }
         let emergency_stop = self.sequencer.profile().emergency_stop;
         let is_pressed = |switches: u32| emergency_stop.is_some_and(|stop| stop.is_pressed(switches));
-        let is_new_press = is_pressed(inputs.switches) && !is_pressed(self.seen.switches);
+        let [was_pressed, is_pressed] = [self.seen.switches, inputs.switches].map(is_pressed);
         self.seen.switches = inputs.switches;
         self.seen.chain_broken = inputs.chain_broken;
         (self.seen.enable_stuck, self.seen.far_end) = (inputs.enable_stuck, inputs.far_end);
@@ -343,9 +343,12 @@ impl<'t> Control<'t> {
         }
         self.aim(&outputs, shared);
         shared.stops_done.store(stops, Ordering::Release);
-        if is_new_press {
+        if is_pressed && !was_pressed {
             // It has latched the safe state; what was requested before it must not act once it is released.
             shared.stop();
+        }
+        if is_pressed != was_pressed {
+            // Nor what has waited since: `clear` would be refused as long as it is pressed.
             shared.pressed.signal(());
         }
         // A tick that switched coils has done enough; the order waits for the next one, and never longer.

@@ -18,6 +18,8 @@ use crate::judge::{Ceilings, LatchCeiling, LineCeiling, ServoCeiling, SwitchCeil
 
 /// Input of the emergency stop; no actuator's switch is there.
 pub const EMERGENCY_STOP: u8 = 12;
+/// All inputs at which an actuator's switch may be.
+pub const ALL_SWITCHES: u32 = (1 << EMERGENCY_STOP) - 1;
 /// The last row of a table that ends while its servos are on their way comes this time after the one before, ms, and sends
 /// them as far as this share of their speed reaches. The end comes right behind it.
 const LAST_MS: u32 = 350;
@@ -121,13 +123,15 @@ impl ArmPlan {
             min_supply_mv: None,
             travel_share: 0.0,
         };
-        for index in 0..rng.random_range(1..=8u8) {
+        let mut inputs: Vec<u8> = (0..EMERGENCY_STOP).collect();
+        inputs.shuffle(rng);
+        for &input in inputs.iter().take(rng.random_range(1..=8)) {
             let states = *[2, 2, 2, 3, 4].get(rng.random_range(0..5usize)).unwrap_or(&2);
             let kind = rng.random_range(0..4u8);
             for _ in 0..if states > 2 { 2 } else { 1 } {
                 arm.coils.extend(draw_coil(rng, kind, &mut lines));
             }
-            let switch = rng.random_bool(0.6).then(|| (index, rng.random_range(1..(1 << states) - 1)));
+            let switch = rng.random_bool(0.6).then(|| (input, rng.random_range(1..(1 << states) - 1)));
             arm.actuators.push(ActuatorPlan { states, switch, travel_ms: rng.random_range(40..120) });
         }
         for index in 0..rng.random_range(0..=2u8) {
@@ -221,6 +225,16 @@ impl ArmPlan {
             servo.fallback = if plan.is_released { Fallback::Release } else { Fallback::Hold };
         }
         BoardProfile::new("drawn", profile)
+    }
+
+    /// The same arm with its actuators in the opposite order: no output of the profile has the number that it had.
+    pub fn reversed(&self) -> Self {
+        let mut coils = self.coils.iter();
+        let of_actuator =
+            |actuator: &ActuatorPlan| coils.by_ref().take(if actuator.states > 2 { 2 } else { 1 }).copied().collect();
+        let groups: Vec<Vec<CoilPlan>> = self.actuators.iter().map(of_actuator).collect();
+        let actuators = self.actuators.iter().rev().copied().collect();
+        Self { actuators, coils: groups.into_iter().rev().flatten().collect(), ..self.clone() }
     }
 
     /// A profile that feeds one load at once and allows half of the range of each servo: no table of the arm is for it. The limits of the

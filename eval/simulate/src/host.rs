@@ -121,6 +121,8 @@ impl<'s> Host<'s> {
             HostAct::Pulse(coil) => return self.pulse(coil),
             HostAct::TwoPulses(first, second) => return self.two_pulses(first, second),
             HostAct::Exhaust(coil, table) => return self.exhaust(coil, table),
+            HostAct::ExhaustOverProfiles(coil) => return self.exhaust_over_profiles(coil, seed),
+            HostAct::RestartUnderWay => return self.restart_under_way(seed),
             HostAct::Calibrate(mrad) => return self.calibrate(1e-3 * mrad as f32),
             HostAct::Poll(count) => return self.poll(count),
             HostAct::Events => return self.events(),

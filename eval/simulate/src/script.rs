@@ -7,7 +7,7 @@ use darm_sim::in_process::Chip;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
-use crate::arm::{ArmPlan, Table, TablePlan};
+use crate::arm::{ALL_SWITCHES, ArmPlan, Table, TablePlan};
 
 /// Loss rates of the line, percent.
 pub const LOSSES: [u32; 6] = [0, 1, 5, 10, 20, 30];
@@ -32,7 +32,7 @@ pub enum HostAct {
     Clear,
     /// Stops, then one short pulse of a coil, which must act once.
     Pulse(u8),
-    /// Stops, then two coils, the second for a shorter time: each must go off at its own time.
+    /// Stops, then two coils, the second for a shorter time: each must go off at its own time. The same coil twice: at that of the second.
     TwoPulses(u8, u8),
     /// One coil on for this time, ms.
     Coil(u8, u32),
@@ -91,6 +91,10 @@ pub enum HostAct {
     TurnByHand,
     /// A coil by hand, and off again before its time is over.
     Off(u8),
+    /// One coil on as often as the board allows, under the profile and then under another in which its output has another number.
+    ExhaustOverProfiles(u8),
+    /// Somebody asks for a restart while something runs.
+    RestartUnderWay,
     /// Somebody has tables stored, or zero offsets (`false`), as fast as the board takes them, over starts too.
     WearOut(bool),
 }
@@ -443,7 +447,7 @@ impl Script {
             _ => {}
         }
         if rng.random() {
-            acts.push((rng.random_range(0..2_000), WorldAct::BriefBounces(u32::from(u8::MAX), 8_000)));
+            acts.push((rng.random_range(0..2_000), WorldAct::BriefBounces(ALL_SWITCHES, 8_000)));
         }
         if self.has_jumper {
             acts.extend([(3_000, WorldAct::LooseJumper(200)), (3_300, WorldAct::WiderProfile)]);
@@ -465,6 +469,7 @@ impl Script {
             HostAct::MoveContradicted(rng.random()),
             HostAct::PlayContradicted(rng.random()),
             HostAct::EndUnderWay,
+            HostAct::RestartUnderWay,
             HostAct::ActWhileSafe(form),
         ];
         let picked = rng.random_range(0..acts.len());
@@ -482,7 +487,9 @@ impl Script {
         let supply = HostAct::Supply(SupplyForm::ALL[rng.random_range(0..SupplyForm::ALL.len())]);
         let has_servos = !self.arm.servos.is_empty();
         let has_released = self.arm.servos.iter().any(|servo| servo.is_released);
-        let act = match rng.random_range(0..18u8) {
+        let coil = rng.random_range(0..self.arm.coils.len().max(1)) as u8;
+        let act = match rng.random_range(0..20u8) {
+            18 | 19 => HostAct::ExhaustOverProfiles(coil),
             12 | 13 if has_servos => HostAct::Sag,
             14 | 15 => HostAct::ShortenChain,
             16 | 17 if has_released => HostAct::TurnByHand,
@@ -543,7 +550,10 @@ impl Script {
             6 | 7 => HostAct::BootstrapStop,
             8 | 9 => HostAct::Clear,
             10 | 11 => HostAct::Pulse(coil),
-            12 => HostAct::TwoPulses(coil, rng.random_range(0..self.arm.coils.len().max(1)) as u8),
+            12 => {
+                let other = rng.random_range(0..self.arm.coils.len().max(1)) as u8;
+                HostAct::TwoPulses(coil, if rng.random_ratio(1, 3) { coil } else { other })
+            }
             13 | 14 => HostAct::Coil(coil, *[40, 300, 900, 3_000].get(rng.random_range(0..4usize)).unwrap_or(&40)),
             15 | 16 => HostAct::Word(rng.random()),
             17 => HostAct::Servo(rng.random_range(0..2), rng.random_range(-500..500)),
@@ -623,8 +633,8 @@ fn draw_world_act(rng: &mut ChaCha8Rng) -> WorldAct {
         2..=4 => WorldAct::FlashCut(rng.random_range(1..1_500), lasts_ms),
         5 => WorldAct::Reset,
         6 | 7 => WorldAct::KillHost,
-        8 => WorldAct::StuckSwitches(rng.random_range(1..256), rng.random(), lasts_ms),
-        9 => WorldAct::BouncingSwitches(rng.random_range(1..256), lasts_ms),
+        8 => WorldAct::StuckSwitches(rng.random_range(1..=ALL_SWITCHES), rng.random(), lasts_ms),
+        9 => WorldAct::BouncingSwitches(rng.random_range(1..=ALL_SWITCHES), lasts_ms),
         10 | 11 => WorldAct::SilentServos(rng.random_range(1..4), lasts_ms),
         12 => WorldAct::BlockedServos(rng.random_range(1..4), lasts_ms),
         13 => WorldAct::BabblingBus(lasts_ms),

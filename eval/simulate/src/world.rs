@@ -30,7 +30,6 @@ use crate::script::{Script, Timed, WorldAct};
 use crate::second_host::{self, SecondHost};
 use crate::trace::Trace;
 
-pub use disturbances::ALL_SWITCHES;
 use disturbances::Active;
 pub use plug::{Plug, enter, leave, pass, with};
 use senders::Caller;
@@ -381,7 +380,7 @@ impl World {
         let ServoFaults { silent, mute, deaf, stubborn, unconfirmed, damaged, .. } = broken.servos;
         // A board that has lost its profile knows no servo: it can stop none, and no order gives one another goal.
         if self.person.may_be_lost() {
-            self.servos.on_uncontrolled(now_ns);
+            self.servos.on_uncontrolled(now_ns, self.person.is_lost());
         }
         let is_noisy = self.is_bus_noisy() || self.person.may_be_lost();
         let garbled = deaf | stubborn | unconfirmed | damaged;

@@ -11,11 +11,11 @@ use rand_chacha::ChaCha8Rng;
 
 use super::{FirstUpload, Host, TRIES};
 use crate::answers::{self, PULSE_MS, SETTLE_MS};
-use crate::arm::Table;
+use crate::arm::{ALL_SWITCHES, Table};
 use crate::judge::reports::Ending;
 use crate::script::{StopForm, Timed, TurnFault, WorldAct};
 use crate::words;
-use crate::world::{self, ALL_SWITCHES, BACK_MS, Opened, Party, World};
+use crate::world::{self, BACK_MS, Opened, Party, World};
 
 /// No program of a script lasts longer, s.
 const LONGEST_PROGRAM_S: u32 = 25;
@@ -51,6 +51,8 @@ const MOVE_PAUSE_MS: u64 = 120;
 const USES: u32 = 30;
 /// After the last byte of a stop, or after the emergency stop is pressed, all outputs are off within this time, ms.
 const STOP_MS: u64 = 6;
+/// An answer within this time is to the first copy of a request, ns.
+const QUICK_NS: u64 = 100_000_000;
 /// Two visits of the servos, and their answers.
 const VISITS_MS: u64 = 30;
 
@@ -249,8 +251,11 @@ impl Host<'_> {
     /// Two coils at once, the second for a shorter time.
     pub(super) fn two_pulses(&mut self, first: u8, second: u8) {
         let began_ns = world::with(|world| world.now_ns());
-        if first == second || !self.is_own_table_at_rest() {
+        if !self.is_own_table_at_rest() {
             return;
+        }
+        if first == second {
+            return self.pulse_again(first, began_ns);
         }
         // What resets a latch at the end of its time waits for the supply too.
         let loads = |coil| if self.script.arm.pulsed_line(coil).is_some() { 1 } else { 2 };
@@ -276,6 +281,43 @@ impl Host<'_> {
                 }
             }
         });
+    }
+
+    /// A coil that is on is commanded for another time, which counts from then on.
+    fn pulse_again(&mut self, coil: u8, began_ns: u64) {
+        let sent_ns = world::with(|world| world.now_ns());
+        for on_ms in [USE_MS, PULSE_MS] {
+            if self.command("pulse", Command::Coil { coil, on_ms }) != Ending::Done {
+                return;
+            }
+        }
+        let again_ms = world::with(|world| world.now_ns() - sent_ns).div_ceil(1_000_000) as u32;
+        world::pass(u64::from(USE_MS));
+        world::with(|world| {
+            if world.is_undisturbed_since(began_ns) && world.has_supply_alone(Party::First, began_ns) {
+                world.judge_length(coil, sent_ns, again_ms + PULSE_MS);
+            }
+        });
+    }
+
+    /// Something runs, and somebody asks for a restart: the board continues.
+    pub(super) fn restart_under_way(&mut self, seed: u64) {
+        let Some(coil) = self.script.arm.steady_coil().filter(|_| self.is_own_table_at_rest()) else { return };
+        if self.command("run", Command::Coil { coil, on_ms: USE_MS }) != Ending::Done {
+            return;
+        }
+        world::pass(10 + seed % 50);
+        let (lines, asked_ns) = world::with(|world| (world.pins.high(), world.now_ns()));
+        let is_accepted = self.ask("reboot", |client| client.reboot(RebootTarget::Application)).is_some();
+        world::with(|world| {
+            // A request that was lost and repeated may come when the coil is off.
+            let is_quick = world.now_ns() < asked_ns + QUICK_NS;
+            if is_accepted && is_quick && lines != 0 && !world.has_other_acted_since(Party::First, asked_ns) {
+                world.reports.on_restart_under_way(world.now_ns(), lines);
+            }
+        });
+        world::pass(SETTLE_MS);
+        self.renew();
     }
 
     /// Stops the board; true when it has stopped, all lines are off, and the loaded table is one of the script.
@@ -335,7 +377,13 @@ impl Host<'_> {
                 world::with(|world| world.type_stop(seed));
                 true
             }
+            // Who opens a connection while somebody presses it already may leave the safe state by it.
+            StopForm::Input if world::with(|world| world.is_stop_pressed()) => false,
             StopForm::Input => {
+                if seed >> 24 & 1 == 1 {
+                    world::with(|world| world.type_behind_help(coil as u8));
+                    world::pass(STOP_MS);
+                }
                 world::with(|world| world.press_emergency_stop(true));
                 true
             }
@@ -346,9 +394,9 @@ impl Host<'_> {
             return;
         }
         world::pass(STOP_MS);
-        world::with(World::hurry);
         if form != StopForm::Input {
             world::with(|world| {
+                world.hurry();
                 world.on_stop(began_ns);
                 world.judge_stopped(Party::First, began_ns, true);
             });
@@ -358,7 +406,10 @@ impl Host<'_> {
         }
         world::pass(SETTLE_MS);
         if form == StopForm::Input {
-            world::with(|world| world.press_emergency_stop(false));
+            world::with(|world| {
+                world.press_emergency_stop(false);
+                world.hurry();
+            });
             world::pass(STOP_MS);
             if let Some(link) = link {
                 // Under other numbers: those of the first time would be copies.

@@ -1,6 +1,7 @@
 //! The host's acts on a board whose flash, supply or servo bus fails or wears, after everything else.
 
 use darm_arm::board_profile::BoardProfile;
+use darm_core::output::Wiring;
 use darm_core::profile::MAX_CHIPS;
 use darm_core::sequencer::Command;
 use darm_core::wire::bootstrap::RebootTarget;
@@ -12,6 +13,7 @@ use super::Host;
 use super::acts::offsets;
 use crate::answers::{PULSE_MS, SETTLE_MS};
 use crate::arm::{ServoPlan, Table, TablePlan};
+use crate::judge::reports::Ending;
 use crate::script::SupplyForm;
 use crate::words;
 use crate::world::{self, BACK_MS, Party};
@@ -25,6 +27,8 @@ const TURNS: u64 = 4;
 const TURN_MS: u64 = 90;
 /// A load pushes a servo as far as this, a step each 2 ms: 0.2 rad.
 const SAG_STEPS: u16 = 130;
+/// Somebody stops each time it has pushed it this number of steps: before the servo has settled.
+const STOPPED_STEPS: u16 = 5;
 /// A person turns a shaft as far as this in 1 ms, steps: 0.46 rad/s, below the slowest servo of a script. A coil is on from the one number of
 /// steps before the edge of the range to the other beyond it.
 const HAND_STEPS: f32 = 0.3;
@@ -124,18 +128,38 @@ impl Host<'_> {
         self.put_profile(&self.script.arm.profile());
     }
 
+    /// A person replaces the profile, and the board is given a table for it; whether both came into force.
+    fn put_table_under(&mut self, profile: &BoardProfile, wiring: &Wiring, seed: u64) -> bool {
+        let (digest, model) = (profile.profile.digest, seed | 1);
+        let plan = TablePlan { wiring, profile: digest, model, rows: ROWS, ends_under_way: false, device: None };
+        let Some(table) = Table::draw(&mut ChaCha8Rng::seed_from_u64(seed), &plan) else { return false };
+        if !self.put_profile(profile) {
+            return false;
+        }
+        world::with(|world| world.know(&table));
+        self.upload_once(&table).0 == Ending::Done
+    }
+
+    /// What an output has used up counts under another profile too, in which it has another number.
+    pub(super) fn exhaust_over_profiles(&mut self, coil: u8, seed: u64) {
+        let Some(line) = self.script.arm.pulsed_line(coil).filter(|_| self.may_replace_profile()) else { return };
+        let other = self.script.arm.reversed();
+        self.use_up(coil);
+        if self.put_table_under(&other.profile(), &other.wiring(), seed)
+            && let Some(same) = (0..other.coils.len() as u8).find(|&coil| other.pulsed_line(coil) == Some(line))
+        {
+            self.use_up(same);
+        }
+        self.put_profile(&self.script.arm.profile());
+    }
+
     /// A table for a profile that names the length of the chain; then the board starts with a shorter one, as where a plug is not in.
     pub(super) fn shorten_chain(&mut self, seed: u64) {
         if !self.may_replace_profile() {
             return;
         }
-        let (counted, wiring) = (self.script.arm.counted_profile(), self.script.arm.wiring());
-        let (profile, model) = (counted.profile.digest, seed | 1);
-        let plan = TablePlan { wiring: &wiring, profile, model, rows: ROWS, ends_under_way: false, device: None };
-        let table = Table::draw(&mut ChaCha8Rng::seed_from_u64(seed), &plan);
-        if let Some(table) = table.filter(|_| self.put_profile(&counted)) {
-            world::with(|world| world.know(&table));
-            self.upload_once(&table);
+        let counted = self.script.arm.counted_profile();
+        if self.put_table_under(&counted, &self.script.arm.wiring(), seed) {
             world::with(|world| world.start_with_chips(1 + (seed >> 8) as u8 % (MAX_CHIPS - 1)));
             world::pass(2 * SETTLE_MS);
             self.renew();
@@ -273,6 +297,8 @@ impl Host<'_> {
     pub(super) fn sag(&mut self, seed: u64) {
         let Some(coil) = self.script.arm.steady_coil().filter(|_| self.is_ready()) else { return };
         let index = seed as usize % self.script.arm.servos.len();
+        // Stops that are repeated let no servo sink.
+        let is_stopped = seed >> 8 & 1 == 1;
         let angle_rad = self.far_angle_rad(index, TURN_RAD);
         self.command("turn", Command::Servo { servo: index as u8, angle_rad });
         world::pass(TURN_MS);
@@ -283,6 +309,13 @@ impl Host<'_> {
         self.command("drive", Command::Coil { coil, on_ms: DRIVEN_MS });
         for step in 1..=SAG_STEPS {
             world::with(|world| world.push_servo(index, step as f32));
+            if is_stopped && step % STOPPED_STEPS == 0 {
+                world::with(|world| {
+                    let now_ns = world.now_ns();
+                    world.type_stop(seed);
+                    world.on_stop(now_ns);
+                });
+            }
             world::pass(2);
         }
         world::pass(SETTLE_MS / 2);

@@ -224,6 +224,13 @@ impl Reports {
         }
     }
 
+    /// A restart was confirmed while these lines were on.
+    pub fn on_restart_under_way(&mut self, now_ns: u64, lines: u64) {
+        self.verdict.note(JUDGE, "restart-under-way", now_ns, || {
+            format!("the board confirmed a restart while the lines {lines:#x} were on")
+        });
+    }
+
     /// A stop was confirmed: these lines are on, this servo is on its way.
     pub fn on_stopped(&mut self, now_ns: u64, lines: u64, moving: Option<(u8, u16)>) {
         if lines != 0 {

@@ -243,9 +243,12 @@ impl Servos {
         self.changes += 1;
     }
 
-    /// The board knows no servo: no order gives one another goal, and one that was on its way continues, however slowly.
-    pub fn on_uncontrolled(&mut self, now_ns: u64) {
-        self.end_orders(u64::MAX);
+    /// The board knows no servo: no order gives one another goal, and one that was on its way continues, however slowly. Where that is not
+    /// certain, orders are in force too.
+    pub fn on_uncontrolled(&mut self, now_ns: u64, is_certain: bool) {
+        if is_certain {
+            self.end_orders(u64::MAX);
+        }
         for track in &mut self.tracks {
             (track.motion, track.holding_ns, track.rested) = (Motion::Stopping(now_ns), None, None);
         }

@@ -25,8 +25,6 @@ pub(super) struct Active {
 /// In the first ticks of each period a switch that bounces briefly shows the opposite.
 const BOUNCE_TICKS: u32 = 2;
 const BOUNCE_PERIOD: u32 = 12;
-/// Inputs of the arm's limit switches.
-pub const ALL_SWITCHES: u32 = 0xff;
 /// For this time what somebody else has sent may still be put in force, ns.
 const FOREIGN_NS: u64 = 3_000_000_000;
 
@@ -220,6 +218,11 @@ impl World {
 
     fn is_pressed(&self) -> bool {
         self.active.iter().any(|active| matches!(active.act, WorldAct::EmergencyStop(_)))
+    }
+
+    /// Whether somebody presses the emergency stop.
+    pub fn is_stop_pressed(&self) -> bool {
+        self.pressed_ns.is_some()
     }
 
     /// The emergency stop's input as its contact has it.

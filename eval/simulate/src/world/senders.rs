@@ -229,6 +229,13 @@ impl World {
         self.bench.send(&[b"help\r".repeat(HELPS).as_slice(), &stop].concat());
     }
 
+    /// Somebody asks for long texts, which leave at 115 200 baud, and types behind that what would leave the safe state and drive.
+    pub fn type_behind_help(&mut self, coil: u8) {
+        self.say("world", || format!("help, clear, coil {coil} on"));
+        self.bench.set_pace(BYTES_A_TICK);
+        self.bench.send(format!("{}clear\rcoil {coil} on 400\r", "help\r".repeat(HELPS)).as_bytes());
+    }
+
     /// The line of the board is as fast as any again.
     pub fn hurry(&mut self) {
         self.bench.set_pace(usize::MAX);

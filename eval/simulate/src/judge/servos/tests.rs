@@ -451,8 +451,21 @@ fn a_servo_that_the_board_does_not_know_may_go_on_and_gets_no_other_goal() {
     for tick in 5..1_000 {
         joint.step += 0.05;
         judge.look(tick * MS, true, [joint].into_iter());
-        judge.on_uncontrolled(tick * MS);
+        judge.on_uncontrolled(tick * MS, true);
     }
     judge.look(1_001 * MS, true, [Joint { goal: 2600.0, ..joint }].into_iter());
     assert_eq!(broken(judge), ["unasked-goal"]);
+}
+
+#[test]
+fn an_order_is_in_force_where_the_board_may_know_the_servo() {
+    for (is_certain, ends) in [(true, true), (false, false)] {
+        let mut judge = judge(false);
+        judge.look(4 * MS, true, [REST].into_iter());
+        judge.on_order(5 * MS, Wish::Angle(0, 0.3));
+        judge.on_uncontrolled(6 * MS, is_certain);
+        let goal = 2048.0 + 0.3 * super::STEPS_PER_RAD;
+        judge.look(7 * MS, true, [Joint { goal, ..REST }].into_iter());
+        assert_eq!(broken(judge).contains(&"unasked-goal"), ends, "{is_certain}");
+    }
 }
