@@ -73,9 +73,9 @@ pub(crate) fn withhold_of_changing(selected: &SelectedPoses, effects: &mut [Effe
 fn without(selected: &SelectedPoses, effect: usize) -> Result<Trial<ToolPoses>, NoTrial> {
     let SelectedPoses { arm, problem, best, .. } = *selected;
     if best.fit.model.effects.len() == selected.n_known() + 1 {
-        return Ok(problem.fitted(&arm.model)?);
+        return problem.fitted(&arm.model);
     }
-    Ok(problem.neighbours(best)?.with_one_less(effect)?)
+    problem.neighbours(best)?.with_one_less(effect)
 }
 
 /// Values of the effects selected that no row identifies; on a planar arm, offsets out of the plane say.
