@@ -289,13 +289,17 @@ impl ArmPlan {
         latches.get(seed as usize % latches.len().max(1)).copied()
     }
 
+    /// Whether a coil begins with full current.
+    pub fn has_peak(&self, coil: u8) -> bool {
+        self.coils.get(usize::from(coil)).is_some_and(|coil| matches!(coil.drive, DrivePlan::PeakHold(..)))
+    }
+
     /// One of the coils with a peak where there are any, else one of all.
     pub fn peaking(&self, seed: u64) -> u8 {
-        let has_peak = |(_, coil): &(u8, &CoilPlan)| matches!(coil.drive, DrivePlan::PeakHold(..));
-        let coils = || (0u8..).zip(&self.coils);
-        let n = coils().filter(has_peak).count();
-        let picked = coils().filter(has_peak).nth(seed as usize % n.max(1));
-        picked.map_or((seed as usize % self.coils.len().max(1)) as u8, |(coil, _)| coil)
+        let count = self.coils.len() as u8;
+        let peaking: Vec<u8> = (0..count).filter(|&coil| self.has_peak(coil)).collect();
+        let picked = peaking.get(seed as usize % peaking.len().max(1)).copied();
+        picked.unwrap_or((seed as usize % usize::from(count).max(1)) as u8)
     }
 
     /// The lines of a coil.

@@ -220,16 +220,19 @@ impl Host<'_> {
         }
     }
 
-    /// Stops, then switches one coil on for a moment: the line is switched on once if that was confirmed.
+    /// Stops, then switches one coil on for a moment: the line is switched on once if that was confirmed. One with a peak again before its
+    /// pause is over.
     pub(super) fn pulse(&mut self, coil: u8) {
         let began_ns = world::with(|world| world.now_ns());
         if !self.is_own_table_at_rest() {
             return;
         }
-        let Some(pulsed) = world::with(|world| world.begin_pulse(coil, began_ns)) else { return };
-        let ending = self.command("pulse", Command::Coil { coil, on_ms: PULSE_MS });
-        world::pass(SETTLE_MS);
-        world::with(|world| world.judge_pulse(Party::First, pulsed, ending));
+        for _ in 0..if self.script.arm.has_peak(coil) { 2 } else { 1 } {
+            let Some(pulsed) = world::with(|world| world.begin_pulse(coil, began_ns)) else { return };
+            let ending = self.command("pulse", Command::Coil { coil, on_ms: PULSE_MS });
+            world::pass(SETTLE_MS);
+            world::with(|world| world.judge_pulse(Party::First, pulsed, ending));
+        }
     }
 
     /// Stops, then switches one coil on, and off before its time is over.
@@ -406,15 +409,13 @@ impl Host<'_> {
         }
         world::pass(SETTLE_MS);
         if form == StopForm::Input {
-            world::with(|world| {
-                world.press_emergency_stop(false);
-                world.hurry();
-            });
+            world::with(|world| world.press_emergency_stop(false));
             world::pass(STOP_MS);
             if let Some(link) = link {
                 // Under other numbers: those of the first time would be copies.
                 world::with(|world| world.send_commands_of_before(link, !seed, began_ns));
             }
+            world::with(World::hurry);
             world::pass(SETTLE_MS);
             self.events();
             self.command("clear", Command::Clear);

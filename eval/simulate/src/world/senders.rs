@@ -22,6 +22,8 @@ const QUIET_MS: u64 = 60;
 /// Bytes of 115 200 baud in a tick, and the texts that are more than the line takes at once.
 const BYTES_A_TICK: usize = 12;
 const HELPS: usize = 3;
+/// Texts that last longer than the emergency stop is pressed.
+const LONG_HELPS: usize = 12;
 /// A pulse ends this much late, ms of the board's clock: two late ticks, and the one in which it begins.
 const PULSE_LATE_MS: u64 = 3;
 /// A request to leave the safe state acts within this time, ns: three ticks.
@@ -233,7 +235,7 @@ impl World {
     pub fn type_behind_help(&mut self, coil: u8) {
         self.say("world", || format!("help, clear, coil {coil} on"));
         self.bench.set_pace(BYTES_A_TICK);
-        self.bench.send(format!("{}clear\rcoil {coil} on 400\r", "help\r".repeat(HELPS)).as_bytes());
+        self.bench.send(format!("{}clear\rcoil {coil} on 400\r", "help\r".repeat(LONG_HELPS)).as_bytes());
     }
 
     /// The line of the board is as fast as any again.
