@@ -116,8 +116,8 @@ impl World {
     pub fn turn_by_hand(&mut self, index: usize, steps: f32) -> Option<f32> {
         let now_ns = self.now_ns();
         let turned = self.bench.plant_mut().turn_by_hand(index, steps);
-        let held_ns = if turned.is_some() { HAND_NS } else { 0 };
-        (self.pushed_ns, self.disturbed_ns) = (now_ns + held_ns, now_ns);
+        let lasts_ns = if turned.is_some() { HAND_NS } else { 0 };
+        (self.pushed_ns, self.disturbed_ns) = (now_ns + lasts_ns, now_ns);
         let step = turned?;
         let edge = self.arm.servos.get(index)?.range_rad * SERVO_STEPS_PER_TURN / TAU;
         Some(edge - (step - CENTRE).abs())

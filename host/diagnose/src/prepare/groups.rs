@@ -27,7 +27,7 @@ pub struct Row {
 }
 
 /// Rows that were measured under one condition: they may share an error that the rows of another condition do not have, so that
-/// pieces of one of them tell nothing about it.
+/// pieces of one of them say nothing about it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Clusters {
     /// The cluster of each row.
