@@ -50,7 +50,7 @@ fn deviations(selected: &SelectedSignals, indices: &[usize]) -> Vec<Deviation> {
     let inverse = pseudo_inverse(&problem.under(best).information(indices));
     let by_pieces = sandwich(selected, indices, &inverse, blocks, *n_blocks);
     let by_clusters = clusters.as_ref().map(|Clusters { of_rows, count }| {
-        // Of few clusters the sandwich is too small by this share (Cameron, Miller, J. Human Resources 50 (2015) 317, equation 11).
+        // Of few clusters the sandwich is too small by this share: A. C. Cameron, D. L. Miller, J. Human Resources 50 (2015) 317.
         let few = *count as f64 / (count - 1) as f64;
         (few * sandwich(selected, indices, &inverse, of_rows, *count), count - 1)
     });
