@@ -5,6 +5,7 @@ mod connection;
 mod rest_acts;
 
 use darm_core::sequencer::{Command, Event, Fault, FaultKind};
+use darm_core::units::Digest;
 use darm_device::client::Client;
 use darm_device::link::faulty::FaultCounts;
 use rand::{RngExt as _, SeedableRng as _};
@@ -41,6 +42,8 @@ pub struct Host<'s> {
     connections: u32,
     /// Number of the next event, and the start of the board that it belongs to.
     next_event: (u32, u64),
+    /// The start of the board, and the profile that it said then to be in force.
+    in_force: Option<(u32, Digest)>,
     /// Pieces that the line struck.
     pub struck: FaultCounts,
     /// How the first upload went.
@@ -59,6 +62,7 @@ impl<'s> Host<'s> {
             client: None,
             connections: 0,
             next_event,
+            in_force: None,
             struck: FaultCounts::default(),
             first_upload: None,
         }

@@ -157,11 +157,12 @@ impl Host<'_> {
         }
     }
 
-    /// What the board said last of the profile in force.
-    pub(super) fn look_at_profile(&self) {
+    /// What the board has said of the profile in force since its last start, once.
+    pub(super) fn look_at_profile(&mut self) {
         let hello = self.client.as_ref().and_then(|(client, _)| client.hello());
-        if let Some(hello) = hello {
-            world::with(|world| world.person.on_in_force(world.now_ns(), hello.profile.0));
+        let Some((boots, profile)) = hello.map(|hello| (hello.boots, hello.profile)) else { return };
+        if self.in_force.replace((boots, profile)) != Some((boots, profile)) {
+            world::with(|world| world.person.on_in_force(world.now_ns(), profile.0));
         }
     }
 
