@@ -65,6 +65,13 @@ pub struct ActuatorPlan {
     pub travel_ms: u16,
 }
 
+impl ActuatorPlan {
+    /// How many coils drive it.
+    fn n_coils(&self) -> usize {
+        if self.states > 2 { 2 } else { 1 }
+    }
+}
+
 /// One servo joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ServoPlan {
@@ -193,7 +200,7 @@ impl ArmPlan {
             DrivePlan::Latch(set, reset, _) => (set, Some(reset)),
         });
         let own = |actuator: &ActuatorPlan| {
-            let own = coils.by_ref().take(if actuator.states > 2 { 2 } else { 1 }).collect();
+            let own = coils.by_ref().take(actuator.n_coils()).collect();
             let (input, closed_in) = actuator.switch?;
             Some(SwitchCeiling {
                 coils: own,
@@ -230,8 +237,7 @@ impl ArmPlan {
     /// The same arm with its actuators in the opposite order: no output of the profile has the number that it had.
     pub fn reversed(&self) -> Self {
         let mut coils = self.coils.iter();
-        let of_actuator =
-            |actuator: &ActuatorPlan| coils.by_ref().take(if actuator.states > 2 { 2 } else { 1 }).copied().collect();
+        let of_actuator = |actuator: &ActuatorPlan| coils.by_ref().take(actuator.n_coils()).copied().collect();
         let groups: Vec<Vec<CoilPlan>> = self.actuators.iter().map(of_actuator).collect();
         let actuators = self.actuators.iter().rev().copied().collect();
         Self { actuators, coils: groups.into_iter().rev().flatten().collect(), ..self.clone() }

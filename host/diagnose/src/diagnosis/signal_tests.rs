@@ -55,26 +55,34 @@ fn the_nominal_torques_of_a_real_arm_are_those_that_another_program_gives() {
     }
 }
 
-#[test]
-fn the_rotors_of_an_mjcf_are_in_its_torques() {
+fn finger() -> Model {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/finger.xml");
     let lock = BTreeMap::from([("tip".to_string(), 0.3)]);
-    let source = Source::read::<String>(&path).unwrap();
-    let Model { what: Predictor::Any(robot), effects } = Model::of_source(&source, &(&lock).into()).unwrap() else {
-        panic!("no robot")
-    };
-    let mut text = "time_s,q1_rad,q2_rad,v1,v2,a1,a2,tau1_nm,tau2_nm\n".to_string();
-    for row in 0..200 {
-        let t = 0.01 * f64::from(row);
+    Model::of_source(&Source::read::<String>(&path).unwrap(), &(&lock).into()).unwrap()
+}
+
+/// A motion of the finger, of 200 rows in each run; `measured` makes the torques of a run and its speeds of those that the model predicts.
+fn finger_table(model: &Model, n_runs: u32, mut measured: impl FnMut(usize, [f64; 2], &mut [f64])) -> Table {
+    let Predictor::Any(robot) = &model.what else { panic!("no robot") };
+    let mut text = "time_s,run,q1_rad,q2_rad,v1,v2,a1,a2,tau1_nm,tau2_nm\n".to_string();
+    for row in 0..200 * n_runs {
+        let (t, run) = (0.01 * f64::from(row), row / 200);
         let [q, v, a] =
             [[t.sin(), (2.0 * t).cos()], [t.cos(), -2.0 * (2.0 * t).sin()], [-t.sin(), -4.0 * (2.0 * t).cos()]];
-        let torque = robot.dynamics(&Motion { state: [&q, &v, &a], load: None }).unwrap().torque;
-        let numbers = [vec![t], q.to_vec(), v.to_vec(), a.to_vec(), torque].concat();
+        let mut torque = robot.dynamics(&Motion { state: [&q, &v, &a], load: None }).unwrap().torque;
+        measured(run as usize, v, &mut torque);
+        let numbers = [vec![t, f64::from(run)], q.to_vec(), v.to_vec(), a.to_vec(), torque].concat();
         text += &(numbers.iter().map(ToString::to_string).collect::<Vec<_>>().join(",") + "\n");
     }
+    Table::read_text(Path::new("finger.csv"), text.as_bytes(), &Names::new()).unwrap().0
+}
+
+#[test]
+fn the_rotors_of_an_mjcf_are_in_its_torques() {
+    let model = finger();
+    let Predictor::Any(robot) = &model.what else { panic!("no robot") };
     assert!(robot.joints.iter().all(|joint| joint.armature == 1e-5));
-    let table = Table::read_text(Path::new("finger.csv"), text.as_bytes(), &Names::new()).unwrap().0;
-    let model = Model { what: Predictor::Any(robot), effects };
+    let table = finger_table(&model, 1, |_, _, _| {});
     let experiment = linearise(&model, &Prepared::new(table, &Preparation::default(), None).unwrap()).unwrap();
     let largest = experiment.residuals.iter().fold(0.0f64, |largest, r| largest.max(r.abs()));
     assert!(largest < 1e-12, "{largest}");
@@ -372,27 +380,15 @@ fn a_law_that_is_rejected_returns_neither_as_an_effect_nor_as_a_fitted_term() {
 /// many rows each has.
 #[test]
 fn an_interval_counts_runs_and_not_rows_where_these_differ() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/finger.xml");
-    let lock = BTreeMap::from([("tip".to_string(), 0.3)]);
-    let source = Source::read::<String>(&path).unwrap();
-    let model = Model::of_source(&source, &(&lock).into()).unwrap();
-    let Predictor::Any(robot) = &model.what else { panic!("no robot") };
+    let model = finger();
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     // Of mean zero and unit standard deviation.
     let differs = [-1.4, 0.6, 1.1, -0.2, -0.9, 1.3, 0.3, -0.8];
     let (mean, scatter) = (2e-3, 4e-4);
-    let mut text = "time_s,run,q1_rad,q2_rad,v1,v2,a1,a2,tau1_nm,tau2_nm\n".to_string();
-    for row in 0..1600 {
-        let (t, run) = (0.01 * f64::from(row), row / 200);
-        let [q, v, a] =
-            [[t.sin(), (2.0 * t).cos()], [t.cos(), -2.0 * (2.0 * t).sin()], [-t.sin(), -4.0 * (2.0 * t).cos()]];
-        let mut torque = robot.dynamics(&Motion { state: [&q, &v, &a], load: None }).unwrap().torque;
-        torque[0] += (mean + scatter * differs[run as usize]) * v[0];
-        let noisy = torque.iter().map(|torque| torque + 1e-5 * rng.random_range(-1.0..1.0));
-        let numbers = [vec![t, f64::from(run)], q.to_vec(), v.to_vec(), a.to_vec(), noisy.collect()].concat();
-        text += &(numbers.iter().map(ToString::to_string).collect::<Vec<_>>().join(",") + "\n");
-    }
-    let table = Table::read_text(Path::new("finger.csv"), text.as_bytes(), &Names::new()).unwrap().0;
+    let table = finger_table(&model, 8, |run, speeds, torque| {
+        torque[0] += (mean + scatter * differs[run]) * speeds[0];
+        torque.iter_mut().for_each(|torque| *torque += 1e-5 * rng.random_range(-1.0..1.0));
+    });
     let found = diagnose_table(&model, &table, &SignalOptions::default()).unwrap();
     let [low, high] = found.diagnosis.effects[0].values[0].ci95.unwrap();
     let expected = quantile_975(7) * scatter / 8f64.sqrt();

@@ -169,8 +169,8 @@ pub(crate) fn effects(selected: &SelectedSignals) -> Result<(Vec<Effect>, Vec<St
             same.values.extend(values);
         } else if values.len() > n_shape && named[order] {
             let without = neighbours.with_one_less(order)?.fit;
-            if order < *n_known || is_confirmed(selected, &without) {
-                let held_out_gain = held_out_gain(selected, &without);
+            let held_out_gain = held_out_gain(selected, &without);
+            if order < *n_known || is_confirmed(selected, &without, held_out_gain.as_ref()) {
                 found.push(Effect { law: candidate.law, site: candidate.site.clone(), values, held_out_gain });
             }
         }
@@ -252,10 +252,10 @@ pub(crate) fn likeliest(selected: &SelectedSignals, count: usize) -> Vec<usize> 
 
 /// Whether rows that no fit has seen are predicted worse without an effect. One that fits the others' errors has an interval without zero
 /// too.
-fn is_confirmed(selected: &SelectedSignals, without: &Fit) -> bool {
+fn is_confirmed(selected: &SelectedSignals, without: &Fit, gain: Option<&Number>) -> bool {
     let falls = HeldOut::from(selected, &without.values)
         .falls(&selected.best.weighting.sigma, selected.problem.experiment.n_norm);
-    falls && held_out_gain(selected, without).is_none_or(|gain| gain.value > 0.0)
+    falls && gain.is_none_or(|gain| gain.value > 0.0)
 }
 
 /// By how much the held-out norm is larger without an effect.

@@ -1,12 +1,13 @@
 //! Who may move the arm, and what a stop does.
 
+use std::sync::atomic::Ordering;
 use std::thread;
 use std::time::Duration;
 
 use darm_serve::control::{CHANGE, LEASE};
 use serde_json::json;
 
-use super::board::Bench;
+use super::board::{Bench, Page};
 
 /// From the request to the pins, s of the board's time: a question of the watcher may be on the line.
 const STOP_S: f64 = 0.1;
@@ -166,11 +167,8 @@ fn a_program_continues_without_the_page_that_started_it() {
     assert_ne!(bench.pins().0, 0);
 }
 
-/// A stop of the page ends the connection, so that one of somebody else right behind it cannot be told from it.
-#[test]
-fn nothing_that_a_page_ordered_between_its_stop_and_one_of_somebody_else_acts_after_both() {
-    use std::sync::atomic::Ordering;
-    let bench = Bench::start("planar4.toml");
+/// A page in control of a board that rests with a table and answers nothing for now.
+fn page_at_held_board(bench: &Bench) -> Page<'_> {
     bench.phase("idle");
     let page = bench.page_in_control();
     page.upload(&bench.table(&["000010000000"], 20.0));
@@ -178,14 +176,27 @@ fn nothing_that_a_page_ordered_between_its_stop_and_one_of_somebody_else_acts_af
     bench.phase("idle");
     bench.is_held.store(true, Ordering::SeqCst);
     thread::sleep(Duration::from_millis(100));
+    page
+}
+
+/// Somebody types a stop at the board, which then answers again.
+fn type_stop_and_let_go(bench: &Bench) {
+    bench.board.with_board(|board| board.send(b"stop\r")).unwrap();
+    bench.board.pass(0.05);
+    bench.is_held.store(false, Ordering::SeqCst);
+}
+
+/// A stop of the page ends the connection: the server does not see another one that follows while none is open.
+#[test]
+fn nothing_that_a_page_ordered_between_its_stop_and_one_of_somebody_else_acts_after_both() {
+    let bench = Bench::start("planar4.toml");
+    let page = page_at_held_board(&bench);
     let order = thread::scope(|scope| {
         scope.spawn(|| bench.stop());
         thread::sleep(Duration::from_millis(100));
         let order = scope.spawn(|| page.command(&json!({"do": "word", "word": "000010000000"})));
         thread::sleep(Duration::from_millis(200));
-        bench.board.with_board(|board| board.send(b"stop\r")).unwrap();
-        bench.board.pass(0.05);
-        bench.is_held.store(false, Ordering::SeqCst);
+        type_stop_and_let_go(&bench);
         order.join().unwrap()
     });
     bench.board.pass(0.05);
@@ -195,23 +206,13 @@ fn nothing_that_a_page_ordered_between_its_stop_and_one_of_somebody_else_acts_af
 /// The server opens a connection again by itself after a stop that is not its own, typed or of `darm stop`.
 #[test]
 fn nothing_that_a_page_ordered_before_a_stop_of_somebody_else_acts_after_it() {
-    use std::sync::atomic::Ordering;
     let bench = Bench::start("planar4.toml");
-    bench.phase("idle");
-    let page = bench.page_in_control();
-    page.upload(&bench.table(&["000010000000"], 20.0));
-    bench.board.pass(2.0);
-    bench.phase("idle");
-    bench.is_held.store(true, Ordering::SeqCst);
-    thread::sleep(Duration::from_millis(100));
+    let page = page_at_held_board(&bench);
     let word = json!({"do": "word", "word": "000010000000"});
     let answers = thread::scope(|scope| {
         let orders: Vec<_> = (0..2).map(|_| scope.spawn(|| page.command(&word))).collect();
         thread::sleep(Duration::from_millis(300));
-        // Somebody types a stop at the board.
-        bench.board.with_board(|board| board.send(b"stop\r")).unwrap();
-        bench.board.pass(0.05);
-        bench.is_held.store(false, Ordering::SeqCst);
+        type_stop_and_let_go(&bench);
         orders
             .into_iter()
             .map(|order| order.join().unwrap())
