@@ -56,10 +56,12 @@ impl Host<'_> {
         let result = client.command(command);
         let ending = ending(&result);
         let drives = !matches!(command, Command::Stop | Command::Clear | Command::Coil { on_ms: 0, .. });
-        if let Some(servo) = silent.filter(|_| drives && ending == Ending::Done) {
+        if let Some((servo, since_ns)) = silent.filter(|_| drives && ending == Ending::Done) {
             world::with(|world| {
                 let now_ns = world.now_ns();
-                if world.servos.silent(now_ns, started_ns) == Some(servo) && world.pins.started_ns() == started_ns {
+                // It may have answered in between.
+                let is_silent = world.servos.silent(now_ns, started_ns) == Some((servo, since_ns));
+                if is_silent && world.pins.started_ns() == started_ns {
                     world.reports.on_accepted_while_silent(now_ns, servo, &format!("{command:?}"));
                 }
             });

@@ -699,14 +699,14 @@ impl Servos {
         }
     }
 
-    /// Whether a servo has been silent for longer than it may, or since the start of the firmware at `started_ns`: its index.
-    pub fn silent(&self, now_ns: u64, started_ns: u64) -> Option<usize> {
-        self.tracks.iter().position(|track| {
-            let Some(ServoCeiling { timeout_ms, .. }) = self.ceiling(track.last.id) else { return false };
+    /// Whether a servo has been silent for longer than it may, or since the start of the firmware at `started_ns`: its index, and since when.
+    pub fn silent(&self, now_ns: u64, started_ns: u64) -> Option<(usize, u64)> {
+        self.tracks.iter().enumerate().find_map(|(index, track)| {
+            let ServoCeiling { timeout_ms, .. } = self.ceiling(track.last.id)?;
             let allowed_ns = self.ceilings.true_ns(u64::from(timeout_ms) + NOTICE_MS);
             // A start reads the profile before it asks.
             let from_ns = track.answered_ns.unwrap_or(started_ns + START_MS * MS);
-            now_ns.saturating_sub(from_ns) > allowed_ns
+            (now_ns.saturating_sub(from_ns) > allowed_ns).then_some((index, from_ns))
         })
     }
 

@@ -127,7 +127,9 @@ impl World {
 
     /// A profile beyond the limits of the arm. With somebody at the button it would be taken.
     fn send_profile(&mut self, rng: &mut ChaCha8Rng) {
-        if self.is_attended || self.person.is_present(self.now_ns()) {
+        // A press that began in this tick is not seen by the judge yet.
+        let presses = |active: &Active| matches!(active.act, WorldAct::Press(_) | WorldAct::LooseJumper(_));
+        if self.is_attended || self.person.is_present(self.now_ns()) || self.active.iter().any(presses) {
             return;
         }
         let wider = hostile::tables::wider_profile(rng, &self.wiring);

@@ -352,7 +352,7 @@ fn silence_of_a_driven_servo_is_seen() {
     assert_eq!(judge.silent((5 + 45 + 103) * MS, 0), None);
     judge.on_lines_on((5 + 45 + 103) * MS + 1);
     assert!(judge.verdict.has("servo-silence"));
-    assert_eq!(judge.silent((5 + 45 + 103) * MS + 1, 0), Some(0));
+    assert_eq!(judge.silent((5 + 45 + 103) * MS + 1, 0).map(|(servo, _)| servo), Some(0));
 }
 
 #[test]
