@@ -21,7 +21,7 @@ pub fn asks_for_hello(refusal: &Refusal) -> bool {
 pub fn ending<T>(result: &Result<T, ClientError>) -> Ending {
     match result {
         Ok(_) => Ending::Done,
-        Err(ClientError::Refused(_) | ClientError::NoReboot(_)) => Ending::Refused,
+        Err(ClientError::Refused(_) | ClientError::Denied(_) | ClientError::NoReboot(_)) => Ending::Refused,
         Err(_) => Ending::Unknown,
     }
 }

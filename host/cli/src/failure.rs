@@ -204,7 +204,7 @@ pub(crate) fn is_reported(error: &anyhow::Error) -> bool {
 fn code_of_cause(cause: &(dyn Error + 'static)) -> Option<u8> {
     if let Some(error) = cause.downcast_ref::<ClientError>() {
         return Some(match error {
-            ClientError::Refused(_) | ClientError::NoReboot(_) => REFUSED,
+            ClientError::Refused(_) | ClientError::Denied(_) | ClientError::NoReboot(_) => REFUSED,
             ClientError::Transport(_) => NO_CONNECTION,
             ClientError::Frame(_) => FAILED,
         });

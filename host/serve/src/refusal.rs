@@ -95,6 +95,7 @@ impl From<ClientError> for Refused {
             ClientError::Transport(_) | ClientError::Frame(_) => (Kind::Link, Place::default()),
             ClientError::Refused(Refusal::Command(CommandError::Stopped)) => (Kind::Stopped, Place::default()),
             ClientError::Refused(refusal) => (Kind::Refused, of_refusal(refusal)),
+            ClientError::Denied(_) => (Kind::Control, Place::default()),
             ClientError::NoReboot(_) => (Kind::Refused, Place::default()),
         };
         Self { kind, text: error.to_string(), place }

@@ -8,7 +8,7 @@ use std::process::{Command, Stdio};
 use darm_core::sequencer::Phase;
 use darm_core::wire::message::Refusal;
 use darm_device::client::{Client, ClientError, TransportError};
-use darm_device::link::{self, LinkError};
+use darm_device::link::LinkError;
 use darm_sim::qemu::{self, VersionError};
 use serde::Serialize;
 
@@ -108,7 +108,9 @@ impl Check {
                 error.to_string(),
                 "check cable and line speed; update the firmware with `darm flash`",
             ),
-            ClientError::NoReboot(_) => Self::wrong(name, error.to_string(), "`darm stop`, then `darm doctor` again"),
+            ClientError::Denied(_) | ClientError::NoReboot(_) => {
+                Self::wrong(name, error.to_string(), "`darm stop`, then `darm doctor` again")
+            }
             ClientError::Refused(refusal) => {
                 Self::wrong(name, format!("the board refused: {refusal}"), "`darm status` shows the state of the board")
             }
@@ -162,8 +164,8 @@ impl Doctor {
         if let Some(holder) = port::holder(&port) {
             return vec![Check::in_use(&port, &holder)];
         }
-        let client = match link::open(&port) {
-            Ok(link) => Client::connect(link),
+        let client = match port::open(&port) {
+            Ok((link, _)) => Client::connect(link),
             Err(error) => return vec![Check::link_failed("board", &error)],
         };
         match client {

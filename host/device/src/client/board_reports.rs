@@ -13,7 +13,7 @@ use super::{Client, ClientError};
 impl Client {
     /// Board time at which the board answered last; 0 before its first answer.
     pub fn answered_at(&self) -> Micros {
-        self.exchange.answered_at()
+        self.answered_at
     }
 
     /// What the board reports of itself; `None` from firmware that does not know the request.

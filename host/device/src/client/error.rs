@@ -19,6 +19,9 @@ pub enum ClientError {
     /// The board understood and refused.
     #[error("the board refused: {0}")]
     Refused(Refusal),
+    /// The port is shared, and another program or page controls the arm; the board was not asked.
+    #[error("nothing was sent: {0}")]
+    Denied(String),
     /// The board understood and does not restart; the answer of the bootstrap set has no reason.
     #[error("the board refused to restart{}", no_reboot(.0))]
     NoReboot(RebootTarget),
@@ -39,7 +42,9 @@ impl ClientError {
     pub fn refusal(&self) -> Option<Refusal> {
         match self {
             ClientError::Refused(refusal) => Some(*refusal),
-            ClientError::Transport(_) | ClientError::Frame(_) | ClientError::NoReboot(_) => None,
+            ClientError::Transport(_) | ClientError::Frame(_) | ClientError::Denied(_) | ClientError::NoReboot(_) => {
+                None
+            }
         }
     }
 }

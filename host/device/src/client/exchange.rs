@@ -2,16 +2,16 @@
 
 use std::time::Duration;
 
-use darm_core::units::Micros;
+use darm_core::sequencer::CommandError;
 use darm_core::wire::bootstrap;
 use darm_core::wire::frame::{self, FrameError, Header, MAX_FRAME};
 use darm_core::wire::message::{REPLY, REQUEST, Refusal, Reply, Request};
 
 use super::error::{AnswerError, ClientError, TransportError};
-use super::question::Question;
+use super::question;
 use super::reader::{Piece, Reader};
 use super::retry_timer::RetryTimer;
-use crate::clock::{BoardClock, RoundTrip};
+use super::sharing::{self, DENIED};
 use crate::link::Link;
 
 /// Without an answer for this time the board is not there.
@@ -71,29 +71,42 @@ pub(super) struct Arrival {
 }
 
 /// An answer with what it took to get it.
-struct Exchanged {
-    arrival: Arrival,
+pub(super) struct Exchanged {
+    pub(super) arrival: Arrival,
     /// Host time of the first sending.
-    sent_s: f64,
+    pub(super) sent_s: f64,
     /// How often the request was sent.
-    attempts: u32,
+    pub(super) attempts: u32,
 }
 
 /// Who hears the text that comes outside frames.
 pub(super) type OnText = Box<dyn FnMut(&[u8]) + Send>;
+/// The same for a guest; false when it has gone.
+pub(super) type OnGuestText = Box<dyn FnMut(&[u8]) -> bool + Send>;
+
+/// Counts the stops that were sent past the line.
+pub(super) type CountStops = Box<dyn Fn() -> u64 + Send>;
+
+/// How often `Hello` is said until one carries the board's last challenge: the first learns it, and other hosts that connect at the
+/// same time, and stops, change it.
+const HELLOS: u32 = 8;
 
 /// The line with its numbering.
 pub(super) struct Exchange {
     link: Box<dyn Link>,
     reader: Reader,
     on_text: OnText,
+    on_guest_text: Vec<OnGuestText>,
     connection: u32,
+    /// How often what the board has stored was changed.
+    stores: u64,
+    count_stops: CountStops,
+    /// Their number when the connection was opened: after another one the board takes no command from it. `None` where the board has
+    /// said so itself, as after a stop that did not come from here.
+    stops_at_hello: Option<u64>,
     numbers: Numbers,
-    clock: BoardClock,
     retry_timer: RetryTimer,
     counts: Counts,
-    /// Board time of the last answer of the protocol.
-    answered_at: Micros,
     last_damage: Option<FrameError>,
     /// Frames that were read and not yet looked at.
     arrived: std::collections::VecDeque<(Header, Arrival)>,
@@ -105,13 +118,15 @@ impl Exchange {
             link,
             reader: Reader::default(),
             on_text: Box::new(|_| {}),
+            on_guest_text: Vec::new(),
             connection,
+            stores: 0,
+            count_stops: Box::new(|| 0),
+            stops_at_hello: Some(0),
             // Answers to an earlier host's last requests may still be on the line.
             numbers: Numbers::from(connection as u16),
-            clock: BoardClock::default(),
             retry_timer: RetryTimer::default(),
             counts: Counts::default(),
-            answered_at: Micros(0),
             last_damage: None,
             arrived: std::collections::VecDeque::new(),
         }
@@ -121,16 +136,14 @@ impl Exchange {
         &*self.link
     }
 
-    pub(super) fn clock(&self) -> &BoardClock {
-        &self.clock
-    }
-
     pub(super) fn counts(&self) -> Counts {
         self.counts
     }
 
-    pub(super) fn answered_at(&self) -> Micros {
-        self.answered_at
+    /// The connection that is open, and how often what the board has stored was changed: a guest that has said `Hello` knows nothing of
+    /// another connection, nor of another table.
+    pub(super) fn known(&self) -> (u32, u64) {
+        (self.connection, self.stores)
     }
 
     /// How long the line takes to answer.
@@ -142,16 +155,58 @@ impl Exchange {
         self.on_text = on_text;
     }
 
+    pub(super) fn add_guest(&mut self, on_text: OnGuestText) {
+        self.on_guest_text.push(on_text);
+    }
+
     pub(super) fn replace_link(&mut self, link: Box<dyn Link>) {
         self.link = link;
         self.reader = Reader::default();
         self.arrived.clear();
     }
 
-    /// Takes another number for the connection. 0 is the bootstrap set's.
-    pub(super) fn new_connection(&mut self) {
-        // A step of an odd constant never meets an earlier number of this host within 2³² connections.
+    /// Stops are counted by this from now on; it has counted none before the connection was opened.
+    pub(super) fn count_stops_by(&mut self, count_stops: CountStops) {
+        self.count_stops = count_stops;
+    }
+
+    /// Whether a stop has come since the connection was opened, as far as is known.
+    pub(super) fn is_stopped(&self) -> bool {
+        self.stops_at_hello != Some((self.count_stops)())
+    }
+
+    /// The board's reply to `Hello` on the connection that is open; where a stop has ended it, or the board has, on another one.
+    pub(super) fn join_connection(&mut self) -> Result<Exchanged, ClientError> {
+        if self.is_stopped() {
+            return self.open_connection();
+        }
+        // With this challenge the board opens no connection.
+        let exchanged = self.ask(&question::hello(0).request)?;
+        match refusal(&exchanged.arrival) {
+            Some(Refusal::Challenge { .. }) => self.open_connection(),
+            Some(_) | None => Ok(exchanged),
+        }
+    }
+
+    /// The number of the connection.
+    pub(super) fn connection(&self) -> u32 {
+        self.connection
+    }
+
+    /// Opens another connection; the board's reply to `Hello`.
+    pub(super) fn open_connection(&mut self) -> Result<Exchanged, ClientError> {
+        // A step of an odd constant never meets an earlier number of this host within 2³² connections. 0 is the bootstrap set's.
         self.connection = self.connection.wrapping_add(0x9E37_79B9).max(1);
+        self.stops_at_hello = Some((self.count_stops)());
+        let (mut challenge, mut tries) = (0, 0);
+        loop {
+            tries += 1;
+            let exchanged = self.ask(&question::hello(challenge).request)?;
+            match refusal(&exchanged.arrival) {
+                Some(Refusal::Challenge { challenge: last }) if tries < HELLOS => challenge = last,
+                Some(_) | None => return Ok(exchanged),
+            }
+        }
     }
 
     pub(super) fn send_raw(&mut self, bytes: &[u8]) -> Result<(), ClientError> {
@@ -184,27 +239,29 @@ impl Exchange {
         }
     }
 
-    /// Asks a question of the protocol.
-    pub(super) fn ask<T>(&mut self, question: &Question<'_, T>) -> Result<T, ClientError> {
-        let Question { name, request, .. } = question;
+    /// Sends a request of the protocol until its reply comes.
+    pub(super) fn ask(&mut self, request: &Request<'_>) -> Result<Exchanged, ClientError> {
         let patience_s = match request {
             Request::Command(_) => COMMAND_PATIENCE_S,
             request if request.is_repeatable() => PATIENCE_S,
             _ => STORE_PATIENCE_S,
         };
+        // Whatever the answer: what was stored before is not certain any more.
+        self.stores += u64::from(matches!(request, Request::Commit(_) | Request::Calibrate(_)));
         let (header, bytes) = self.prepare(request)?;
         let answered = Header { tag: REPLY, ..header };
         let exchanged = self.exchange(&bytes, answered, patience_s);
-        if exchanged.is_err() && matches!(request, Request::Command(_)) {
+        // Where it was denied nothing was sent to the board, and somebody else moves the arm.
+        let may_act = !matches!(exchanged, Ok(_) | Err(ClientError::Denied(_)));
+        if may_act && matches!(request, Request::Command(_)) {
             self.stop_behind()?;
         }
-        let Exchanged { arrival, sent_s, attempts } = exchanged?;
-        match self.open(question, &arrival, sent_s) {
-            Err(ClientError::Refused(Refusal::NotConnected)) if attempts > 1 && acts_once(request) => {
-                Err(TransportError::OutcomeUnknown { port: self.link.name().to_owned(), request: name }.into())
-            }
-            end => end,
+        if let Ok(Exchanged { arrival, .. }) = &exchanged
+            && refusal(arrival) == Some(Refusal::Command(CommandError::Stopped))
+        {
+            self.stops_at_hello = None;
         }
+        exchanged
     }
 
     /// Sends a stop behind a command that nobody has answered. A line that held both back lets them through together, and the board finds
@@ -225,21 +282,6 @@ impl Exchange {
         Ok((header, bytes))
     }
 
-    /// Reads the reply to a question that was first sent at `sent_s`.
-    pub(super) fn open<T>(
-        &mut self,
-        question: &Question<'_, T>,
-        arrival: &Arrival,
-        sent_s: f64,
-    ) -> Result<T, ClientError> {
-        let reply: Reply =
-            postcard::from_bytes(&arrival.payload).map_err(|_| AnswerError::Payload { request: question.name })?;
-        self.answered_at = reply.at;
-        let board_s = 1e-6 * reply.at.0 as f64;
-        self.clock.observe(RoundTrip { sent_s, board_s, received_s: arrival.received_s });
-        Ok(question.read(reply.result.map_err(ClientError::Refused)?)?)
-    }
-
     /// Sends a complete frame.
     pub(super) fn send(&mut self, frame: &[u8], again: bool) -> Result<(), ClientError> {
         self.counts.sent += 1;
@@ -251,7 +293,8 @@ impl Exchange {
     /// The next reply of this connection, until host time `end_s`.
     pub(super) fn next_reply(&mut self, end_s: f64) -> Result<Option<Arrival>, ClientError> {
         let connection = self.connection;
-        self.next_arrival(end_s, |header| header.tag == REPLY && header.link == connection)
+        let arrived = self.next_arrival(end_s, |header| header.tag == REPLY && header.link == connection)?;
+        Ok(arrived.map(|(_, arrival)| arrival))
     }
 
     /// Why no answer came.
@@ -274,7 +317,11 @@ impl Exchange {
             self.send(bytes, attempts > 0)?;
             attempts += 1;
             let end_s = self.link.now_s() + self.retry_timer.wait_s().min(patience_s / MIN_TRIES);
-            if let Some(arrival) = self.next_arrival(end_s, |header| *header == answered)? {
+            let denied = Header { tag: DENIED, ..answered };
+            if let Some((header, arrival)) = self.next_arrival(end_s, |header| [answered, denied].contains(header))? {
+                if header == denied {
+                    return Err(ClientError::Denied(sharing::reason(&arrival.payload)));
+                }
                 // Which of several requests an answer belongs to cannot be decided (RFC 6298, section 3).
                 if attempts == 1 {
                     self.retry_timer.on_answer(arrival.received_s - sent_s);
@@ -289,11 +336,15 @@ impl Exchange {
         }
     }
 
-    fn next_arrival(&mut self, end_s: f64, wanted: impl Fn(&Header) -> bool) -> Result<Option<Arrival>, ClientError> {
+    fn next_arrival(
+        &mut self,
+        end_s: f64,
+        wanted: impl Fn(&Header) -> bool,
+    ) -> Result<Option<(Header, Arrival)>, ClientError> {
         loop {
             while let Some((header, arrival)) = self.arrived.pop_front() {
                 if wanted(&header) {
-                    return Ok(Some(arrival));
+                    return Ok(Some((header, arrival)));
                 }
             }
             if self.link.now_s() >= end_s {
@@ -312,7 +363,10 @@ impl Exchange {
         let received_s = self.link.now_s();
         for piece in self.reader.read(received_s, &buffer[..count]) {
             match piece {
-                Piece::Text(text) => (self.on_text)(&text),
+                Piece::Text(text) => {
+                    (self.on_text)(&text);
+                    self.on_guest_text.retain_mut(|hears| hears(&text));
+                }
                 Piece::Damaged(error) => {
                     self.counts.damaged += 1;
                     self.last_damage = Some(error);
@@ -328,12 +382,13 @@ impl Exchange {
     }
 }
 
-/// Whether a request must not be repeated on a new connection. An upload is: a repeated `Commit` changes nothing.
-fn acts_once(request: &Request<'_>) -> bool {
-    !request.is_repeatable() && !matches!(request, Request::Commit(_))
+/// What the board refuses in a reply.
+pub(super) fn refusal(arrival: &Arrival) -> Option<Refusal> {
+    postcard::from_bytes::<Reply>(&arrival.payload).ok()?.result.err()
 }
 
-fn encode(header: Header, payload: &[u8]) -> Result<Vec<u8>, ClientError> {
+/// A frame.
+pub(super) fn encode(header: Header, payload: &[u8]) -> Result<Vec<u8>, ClientError> {
     let mut bytes = [0; MAX_FRAME];
     let len = frame::encode(header, payload, &mut bytes).map_err(AnswerError::Request)?;
     Ok(bytes[..len].to_vec())

@@ -41,6 +41,10 @@ pub(super) struct Memory {
     ahead: BTreeMap<u32, Vec<u8>>,
     /// Images that were committed.
     pub(super) committed: Vec<Vec<u8>>,
+    /// Stops that came.
+    pub(super) stops: usize,
+    /// Text outside frames that came.
+    pub(super) typed: Vec<u8>,
     /// Commands that ran.
     pub(super) commands: Vec<Command>,
     /// Largest offset that a host has begun to upload from after the first time.
@@ -54,6 +58,12 @@ impl Memory {
         (self.connection, self.last, self.upload) = (None, None, None);
         self.challenge += 1;
         self.ahead.clear();
+    }
+
+    /// Takes nothing more from the connection that is open, as after a stop.
+    pub(super) fn end_connection(&mut self) {
+        self.connection = None;
+        self.challenge += 1;
     }
 
     pub(super) fn say(&mut self, text: &str) {
@@ -78,7 +88,10 @@ impl Memory {
             Some(Bootstrap::Version) => {
                 self.answer(answered, &Version { protocol: self.protocol, firmware: [0, 1, 0] }.encode());
             }
-            Some(_) => drop(self.answer(answered, &[0])),
+            Some(request) => {
+                self.stops += usize::from(request == Bootstrap::Stop);
+                self.answer(answered, &[0]);
+            }
             None if header.tag == REQUEST => self.take_request(header, payload),
             None => {}
         }
@@ -220,7 +233,8 @@ impl Link for FakeBoard {
             match piece {
                 Piece::Frame(header, _) if memory.mute => memory.unheard.push(header),
                 Piece::Frame(header, payload) => memory.take(header, &payload),
-                Piece::Text(_) | Piece::Damaged(_) => {}
+                Piece::Text(text) => memory.typed.extend(text),
+                Piece::Damaged(_) => {}
             }
         }
         Ok(())

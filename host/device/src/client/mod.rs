@@ -2,6 +2,7 @@
 //!
 //! Requests are numbered, answered once and sent again at growing intervals until an answer comes; the board runs what
 //! changes something exactly once. So a host may be killed and started again at any moment, and a cable pulled.
+//! Programs that come while a port is open are guests of the one that has it: [`sharing`].
 //!
 //! ```no_run
 //! use darm_device::client::Client;
@@ -16,12 +17,15 @@ mod error;
 mod exchange;
 #[cfg(test)]
 mod fake;
+mod line;
 mod question;
 mod reader;
 mod retry_timer;
+pub mod sharing;
 pub mod stop;
 mod upload;
 
+use std::sync::{Arc, MutexGuard};
 use std::time::Duration;
 
 use darm_arm::image::UploadImage;
@@ -31,24 +35,31 @@ use darm_core::sequencer::{Command, Event};
 use darm_core::units::Micros;
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{self, CrashRecord, Identity, RebootTarget, Stopped, Version};
-use darm_core::wire::message::{Calibration, Hello, OutputState, Refusal, Status};
+use darm_core::wire::message::{Calibration, Hello, OutputState, Refusal, Reply, Request, Status};
 
-use crate::clock::{BoardClock, host_now_s};
+use crate::clock::{BoardClock, RoundTrip, host_now_s};
 use crate::link::{Link, LinkError};
 pub use error::{AnswerError, ClientError, TransportError};
 pub use exchange::Counts;
-use exchange::Exchange;
+use exchange::{Arrival, Exchange, Exchanged};
+use line::Line;
 use question::Question;
-use stop::Confirmation;
+use sharing::Rights;
+use stop::{Confirmation, StopHandle};
 pub use upload::Progress;
 
-/// How often `Hello` is said until one carries the board's last challenge: the first learns it, and other hosts that connect at the
-/// same time, and stops, change it.
-const HELLOS: u32 = 8;
+/// The time in a reply that no board has made: the process that has the port refuses a guest's request. A board starts before it answers.
+const NO_TIME: Micros = Micros(0);
 
 /// A connection to one board.
 pub struct Client {
-    exchange: Exchange,
+    line: Arc<Line>,
+    port: String,
+    /// The connection that this client has opened: on one that a guest has opened since, as after a stop, it changes nothing.
+    connection: u32,
+    clock: BoardClock,
+    /// Board time of the last answer of the protocol.
+    answered_at: Micros,
     identity: Identity,
     version: Version,
     hello: Option<Hello>,
@@ -84,10 +95,13 @@ impl Client {
     ///
     /// As [`connect`](Self::connect).
     pub fn connect_as(link: Box<dyn Link>, connection: u32) -> Result<Self, ClientError> {
+        let port = link.name().to_owned();
         let mut exchange = Exchange::new(link, connection);
         let identity = identify(&mut exchange)?;
         let version = version(&mut exchange)?;
-        let mut client = Self { exchange, identity, version, hello: None };
+        let line = Arc::new(Line::new(exchange));
+        let (clock, answered_at) = (BoardClock::default(), Micros(0));
+        let mut client = Self { line, port, connection, clock, answered_at, identity, version, hello: None };
         if version.protocol == PROTOCOL {
             client.say_hello()?;
         }
@@ -100,19 +114,36 @@ impl Client {
     ///
     /// As [`connect`](Self::connect).
     pub fn say_hello(&mut self) -> Result<Hello, ClientError> {
-        let (mut challenge, mut tries) = (0, 0);
-        self.exchange.new_connection();
-        loop {
-            tries += 1;
-            match self.exchange.ask(&question::hello(challenge)) {
-                Ok(hello) => {
-                    self.hello = Some(hello.clone());
-                    return Ok(hello);
-                }
-                Err(ClientError::Refused(Refusal::Challenge { challenge: last })) if tries < HELLOS => challenge = last,
-                Err(error) => return Err(error),
-            }
-        }
+        self.hello_by(Exchange::open_connection)
+    }
+
+    /// The same without ending the connection of guests where one of them has opened it, after a stop.
+    ///
+    /// # Errors
+    ///
+    /// As [`connect`](Self::connect).
+    pub fn join(&mut self) -> Result<Hello, ClientError> {
+        self.hello_by(Exchange::join_connection)
+    }
+
+    /// Whether the connection is the one that this client has opened or joined.
+    pub fn knows_connection(&self) -> bool {
+        self.exchange().connection() == self.connection
+    }
+
+    fn hello_by(
+        &mut self,
+        say: impl FnOnce(&mut Exchange) -> Result<Exchanged, ClientError>,
+    ) -> Result<Hello, ClientError> {
+        let (said, connection) = {
+            let mut exchange = self.exchange();
+            (say(&mut exchange), exchange.connection())
+        };
+        self.connection = connection;
+        let Exchanged { arrival, sent_s, .. } = said?;
+        let hello = self.read(&question::hello(0), &arrival, sent_s)?;
+        self.hello = Some(hello.clone());
+        Ok(hello)
     }
 
     /// What the board says of itself now, on the connection that is open.
@@ -122,7 +153,7 @@ impl Client {
     /// [`Refusal::NotConnected`]: the connection has ended, as by a stop; it is not opened again. Or as [`connect`](Self::connect).
     pub fn renew_hello(&mut self) -> Result<(), ClientError> {
         // With this challenge the board opens no connection.
-        match self.exchange.ask(&question::hello(0)) {
+        match self.ask_anyhow(&question::hello(0)) {
             Err(ClientError::Refused(Refusal::Challenge { .. })) => Err(ClientError::Refused(Refusal::NotConnected)),
             hello => {
                 self.hello = Some(hello?);
@@ -133,8 +164,7 @@ impl Client {
 
     /// Closes the port, so that it can be opened again for [`Client::replug`]; until then every request fails.
     pub fn unplug(&mut self) {
-        let name = self.port().to_owned();
-        self.exchange.replace_link(Box::new(Unplugged(name)));
+        self.exchange().replace_link(Box::new(Unplugged(self.port.clone())));
     }
 
     /// Continues over another link to the same board: after the cable was pulled.
@@ -143,9 +173,13 @@ impl Client {
     ///
     /// As [`connect`](Self::connect).
     pub fn replug(&mut self, link: Box<dyn Link>) -> Result<(), ClientError> {
-        self.exchange.replace_link(link);
-        self.identity = identify(&mut self.exchange)?;
-        self.version = version(&mut self.exchange)?;
+        link.name().clone_into(&mut self.port);
+        let (identity, version) = {
+            let mut exchange = self.exchange();
+            exchange.replace_link(link);
+            (identify(&mut exchange)?, version(&mut exchange)?)
+        };
+        (self.identity, self.version) = (identity, version);
         self.say_hello().map(drop)
     }
 
@@ -166,27 +200,33 @@ impl Client {
 
     /// The port.
     pub fn port(&self) -> &str {
-        self.exchange.link().name()
+        &self.port
+    }
+
+    /// Lets programs that come later use the port as guests, with these rights, for as long as this client has it; `handle` is that
+    /// of [`stop::hold`].
+    pub fn share(&self, handle: &StopHandle, rights: Arc<dyn Rights>) {
+        handle.share(&self.line, rights);
     }
 
     /// The host's time on this link.
     pub fn now_s(&self) -> f64 {
-        self.exchange.link().now_s()
+        self.exchange().link().now_s()
     }
 
     /// Board time against host time; every answer makes it better.
     pub fn clock(&self) -> &BoardClock {
-        self.exchange.clock()
+        &self.clock
     }
 
     /// What has gone over the line.
     pub fn counts(&self) -> Counts {
-        self.exchange.counts()
+        self.exchange().counts()
     }
 
     /// Hands text that comes outside frames to `on_text`.
     pub fn set_on_text(&mut self, on_text: impl FnMut(&[u8]) + Send + 'static) {
-        self.exchange.set_on_text(Box::new(on_text));
+        self.exchange().set_on_text(Box::new(on_text));
     }
 
     /// Sends a line as a person would type it; the answer comes as text.
@@ -195,7 +235,7 @@ impl Client {
     ///
     /// [`ClientError::Transport`]: the port fails.
     pub fn type_line(&mut self, line: &str) -> Result<(), ClientError> {
-        self.exchange.send_raw(format!("{line}\r").as_bytes())
+        self.exchange().send_raw(format!("{line}\r").as_bytes())
     }
 
     /// Listens for this time, for text and for nothing else.
@@ -204,7 +244,7 @@ impl Client {
     ///
     /// [`ClientError::Transport`]: the port fails.
     pub fn listen(&mut self, for_s: f64) -> Result<(), ClientError> {
-        self.exchange.listen(for_s)
+        self.exchange().listen(for_s)
     }
 
     /// All coils off at once, in any version of the protocol; what the board confirms. The board takes no command from any
@@ -215,7 +255,7 @@ impl Client {
     ///
     /// The port fails, no answer comes, or what comes is not a valid answer.
     pub fn stop(&mut self) -> Result<Confirmation, ClientError> {
-        let payload = self.exchange.ask_bootstrap("stop", bootstrap::Request::Stop)?;
+        let payload = self.exchange().ask_bootstrap("stop", bootstrap::Request::Stop)?;
         Stopped::decode(&payload).map(Confirmation::of).ok_or(AnswerError::Payload { request: "stop" }.into())
     }
 
@@ -234,7 +274,7 @@ impl Client {
     ///
     /// The port fails, no answer comes, or what comes is not a valid answer.
     pub fn last_crash(&mut self) -> Result<Option<CrashRecord>, ClientError> {
-        let payload = self.exchange.ask_bootstrap("read fault", bootstrap::Request::ReadFault)?;
+        let payload = self.exchange().ask_bootstrap("read fault", bootstrap::Request::ReadFault)?;
         CrashRecord::decode(&payload).ok_or(AnswerError::Payload { request: "read fault" }.into())
     }
 
@@ -244,7 +284,7 @@ impl Client {
     ///
     /// The port fails, no answer comes, or what comes is not a valid answer. [`ClientError::NoReboot`]: the board refuses.
     pub fn reboot(&mut self, into: RebootTarget) -> Result<(), ClientError> {
-        let answer = self.exchange.ask_bootstrap("reboot", bootstrap::Request::Reboot(into))?;
+        let answer = self.exchange().ask_bootstrap("reboot", bootstrap::Request::Reboot(into))?;
         match answer.first() {
             Some(0) => Ok(()),
             Some(1) => Err(ClientError::NoReboot(into)),
@@ -350,7 +390,42 @@ impl Client {
 
     fn ask<T>(&mut self, question: &Question<'_, T>) -> Result<T, ClientError> {
         self.check_version()?;
-        self.exchange.ask(question)
+        self.ask_anyhow(question)
+    }
+
+    /// The same of a board of any version.
+    fn ask_anyhow<T>(&mut self, question: &Question<'_, T>) -> Result<T, ClientError> {
+        let exchanged = {
+            let mut exchange = self.exchange();
+            if sharing::is_change(&question.request) && exchange.connection() != self.connection {
+                return Err(ClientError::Refused(Refusal::NotConnected));
+            }
+            exchange.ask(&question.request)
+        };
+        let Exchanged { arrival, sent_s, attempts } = exchanged?;
+        match self.read(question, &arrival, sent_s) {
+            Err(ClientError::Refused(Refusal::NotConnected)) if attempts > 1 && acts_once(&question.request) => {
+                Err(TransportError::OutcomeUnknown { port: self.port.clone(), request: question.name }.into())
+            }
+            end => end,
+        }
+    }
+
+    /// Reads the reply to a question that was first sent at `sent_s`.
+    fn read<T>(&mut self, question: &Question<'_, T>, arrival: &Arrival, sent_s: f64) -> Result<T, ClientError> {
+        let reply: Reply =
+            postcard::from_bytes(&arrival.payload).map_err(|_| AnswerError::Payload { request: question.name })?;
+        if reply.at != NO_TIME {
+            self.answered_at = reply.at;
+            let board_s = 1e-6 * reply.at.0 as f64;
+            self.clock.observe(RoundTrip { sent_s, board_s, received_s: arrival.received_s });
+        }
+        Ok(question.read(reply.result.map_err(ClientError::Refused)?)?)
+    }
+
+    /// The line, when it is this client's turn.
+    fn exchange(&self) -> MutexGuard<'_, Exchange> {
+        self.line.take()
     }
 
     fn check_version(&self) -> Result<(), ClientError> {
@@ -359,6 +434,11 @@ impl Client {
             board => Err(ClientError::Refused(Refusal::Protocol { board })),
         }
     }
+}
+
+/// Whether a request must not be repeated on a new connection. An upload is: a repeated `Commit` changes nothing.
+fn acts_once(request: &Request<'_>) -> bool {
+    !request.is_repeatable() && !matches!(request, Request::Commit(_))
 }
 
 /// No port.

@@ -4,10 +4,12 @@
 
 mod window;
 
+use std::sync::Arc;
+
 use darm_arm::image::UploadImage;
 use darm_core::wire::message::Refusal;
 
-use super::exchange::PATIENCE_S;
+use super::exchange::{Exchange, PATIENCE_S};
 use super::{Client, ClientError, question};
 use window::{Piece, Window};
 
@@ -41,35 +43,38 @@ pub(super) fn upload(
 }
 
 fn attempt(client: &mut Client, image: &UploadImage, progress: &mut dyn FnMut(Progress)) -> Result<u16, ClientError> {
-    let next = client.exchange.ask(&question::begin(image.image()))?;
+    let next = client.ask(&question::begin(image.image()))?;
     send_chunks(client, image, next, progress)?;
-    client.exchange.ask(&question::commit(image.image()))
+    client.ask(&question::commit(image.image()))
 }
 
-/// Sends from offset `next` on until the board has all.
+/// Sends from offset `next` on until the board has all. The line is this client's in between: an answer to a chunk may come at any
+/// time.
 fn send_chunks(
     client: &mut Client,
     image: &UploadImage,
     next: u32,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<(), ClientError> {
+    let line = Arc::clone(&client.line);
+    let mut exchange = line.take();
     let total = image.image().len;
-    let damaged_before = client.counts().damaged;
+    let damaged_before = exchange.counts().damaged;
     let mut window = Window::new(next, total);
-    let (mut heard_s, mut attempts) = (client.now_s(), 0);
+    let (mut heard_s, mut attempts) = (exchange.link().now_s(), 0);
     progress(Progress { done: next, total });
     while !window.is_complete() {
         while let Some(piece) = window.next() {
-            send_piece(client, image, &mut window, piece)?;
+            send_piece(&mut exchange, image, &mut window, piece)?;
         }
         let before = window.wanted();
-        if hear_answer(client, &mut window)? {
-            (attempts, heard_s) = (0, client.now_s());
+        if hear_answer(client, &mut exchange, &mut window)? {
+            (attempts, heard_s) = (0, exchange.link().now_s());
         } else {
             attempts += 1;
-            let waited_s = client.now_s() - heard_s;
+            let waited_s = exchange.link().now_s() - heard_s;
             if waited_s > PATIENCE_S {
-                return Err(client.exchange.silence(attempts, waited_s, damaged_before));
+                return Err(exchange.silence(attempts, waited_s, damaged_before));
             }
         }
         if window.wanted() > before {
@@ -79,25 +84,30 @@ fn send_chunks(
     Ok(())
 }
 
-fn send_piece(client: &mut Client, image: &UploadImage, window: &mut Window, piece: Piece) -> Result<(), ClientError> {
+fn send_piece(
+    exchange: &mut Exchange,
+    image: &UploadImage,
+    window: &mut Window,
+    piece: Piece,
+) -> Result<(), ClientError> {
     let Piece { offset, len, again } = piece;
     let bytes = &image.bytes()[offset as usize..(offset + len) as usize];
-    let (header, frame) = client.exchange.prepare(&question::chunk(offset, bytes).request)?;
-    window.on_sent(piece, header.number, client.now_s());
-    client.exchange.send(&frame, again)
+    let (header, frame) = exchange.prepare(&question::chunk(offset, bytes).request)?;
+    window.on_sent(piece, header.number, exchange.link().now_s());
+    exchange.send(&frame, again)
 }
 
 /// Waits for the next answer to a piece; whether one came in time.
-fn hear_answer(client: &mut Client, window: &mut Window) -> Result<bool, ClientError> {
-    let end_s = client.now_s() + client.exchange.retry_timer().wait_s();
-    while let Some(arrival) = client.exchange.next_reply(end_s)? {
+fn hear_answer(client: &mut Client, exchange: &mut Exchange, window: &mut Window) -> Result<bool, ClientError> {
+    let end_s = exchange.link().now_s() + exchange.retry_timer().wait_s();
+    while let Some(arrival) = exchange.next_reply(end_s)? {
         let Some(sent_s) = window.sent_s(arrival.number) else { continue };
-        let wanted = client.exchange.open(&question::chunk(0, &[]), &arrival, sent_s)?;
-        client.exchange.retry_timer().on_answer(arrival.received_s - sent_s);
+        let wanted = client.read(&question::chunk(0, &[]), &arrival, sent_s)?;
+        exchange.retry_timer().on_answer(arrival.received_s - sent_s);
         window.on_answer(arrival.number, wanted);
         return Ok(true);
     }
-    client.exchange.retry_timer().on_silence();
+    exchange.retry_timer().on_silence();
     window.on_silence();
     Ok(false)
 }

@@ -41,6 +41,11 @@ impl Socket {
         Ok(Self { stream: Stream::Unix(stream), name })
     }
 
+    /// A socket of the process that has this port, which answers as the board does.
+    pub(crate) fn of_holder(stream: UnixStream, port: &str) -> Self {
+        Self { stream: Stream::Unix(stream), name: port.to_owned() }
+    }
+
     /// Connects to `HOST:PORT`.
     ///
     /// # Errors

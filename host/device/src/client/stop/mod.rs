@@ -9,7 +9,7 @@
 //!   serves one connection: a holder that is suspended there is continued first (`suspended`).
 
 mod shared;
-mod socket;
+pub(super) mod socket;
 mod suspended;
 
 use std::path::{Path, PathBuf};

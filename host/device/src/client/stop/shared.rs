@@ -1,7 +1,8 @@
 //! A port that one thread reads and writes as usual, while any other may send the stop past it.
 
 use std::collections::VecDeque;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, TryLockError, Weak};
 use std::time::{Duration, Instant};
 
@@ -9,8 +10,11 @@ use darm_core::wire::bootstrap::{ANSWER, Request, Stopped};
 use darm_core::wire::frame::Header;
 
 use super::socket::Serving;
-use super::{Confirmation, REPEAT, socket, stop_frame};
+use super::{Confirmation, REPEAT, socket, stop_at, stop_frame};
+use crate::client::ClientError;
+use crate::client::line::Line as ClientLine;
 use crate::client::reader::{Piece, Reader};
+use crate::client::sharing::{Rights, Sharing};
 use crate::clock::host_now_s;
 use crate::link::{Link, LinkError, Urgent};
 
@@ -28,8 +32,10 @@ pub fn hold(link: Box<dyn Link>, socket: Option<&Path>) -> (Box<dyn Link>, StopH
         line: Mutex::new(Line { link, inbox: VecDeque::new() }),
         heard: Mutex::default(),
         confirmed: Condvar::new(),
+        stops: AtomicU64::new(0),
+        sharing: Mutex::default(),
     });
-    let handle = StopHandle { port: name.clone(), shared: Arc::downgrade(&shared) };
+    let handle = StopHandle { port: name.clone(), way: Way::Port(Arc::downgrade(&shared)) };
     let serving = socket.and_then(|socket| socket::serve(socket, handle.clone()));
     (Box::new(SharedPort { shared, name, _serving: serving }), handle)
 }
@@ -47,6 +53,10 @@ struct Shared {
     urgent: Option<Urgent>,
     heard: Mutex<Heard>,
     confirmed: Condvar,
+    /// Number of stops so far.
+    stops: AtomicU64,
+    /// What guests are given, once the client shares the port.
+    sharing: Mutex<Option<Sharing>>,
 }
 
 struct Line {
@@ -156,33 +166,90 @@ impl Link for SharedPort {
     }
 }
 
-/// Stops the board at a port that this process holds, from any thread. The handle does not keep the port open.
+/// Stops the board at a port that this process holds or is a guest of, from any thread. The handle does not keep the port open.
 #[derive(Clone)]
 pub struct StopHandle {
     port: String,
-    shared: Weak<Shared>,
+    way: Way,
+}
+
+/// How the board is reached.
+#[derive(Clone)]
+enum Way {
+    /// The port is of this process.
+    Port(Weak<Shared>),
+    /// It is of the process that serves at this socket.
+    Holder(PathBuf),
 }
 
 impl StopHandle {
+    /// The handle of a guest, for a port whose holder serves at `socket`.
+    pub(in crate::client) fn of_guest(port: &str, socket: &Path) -> Self {
+        Self { port: port.to_owned(), way: Way::Holder(socket.to_owned()) }
+    }
+
     /// Sends the stop at once, again until it is confirmed, and gives up after `within`.
     ///
     /// # Errors
     ///
     /// The port is closed, or did not take a single frame.
     pub fn stop(&self, within: Duration) -> Result<Confirmation, LinkError> {
-        let until = Instant::now() + within;
-        let shared = self.shared.upgrade().ok_or_else(|| LinkError::Closed { port: self.port.clone() })?;
+        match &self.way {
+            Way::Port(shared) => {
+                let shared = shared.upgrade().ok_or_else(|| LinkError::Closed { port: self.port.clone() })?;
+                shared.stop(Instant::now() + within)
+            }
+            Way::Holder(socket) => stop_at(&self.port, Some(socket.clone())),
+        }
+    }
+
+    /// Number of stops that were sent through the port so far.
+    pub(in crate::client) fn stops(&self) -> u64 {
+        self.shared().map_or(0, |shared| shared.stops.load(Ordering::SeqCst))
+    }
+
+    /// The error of a port that was closed.
+    pub(in crate::client) fn closed(&self) -> ClientError {
+        LinkError::Closed { port: self.port.clone() }.into()
+    }
+
+    /// Lets guests use the line from now on. A guest itself shares nothing.
+    pub(in crate::client) fn share(&self, line: &Arc<ClientLine>, rights: Arc<dyn Rights>) {
+        if let Some(shared) = self.shared() {
+            let handle = self.clone();
+            line.take().count_stops_by(Box::new(move || handle.stops()));
+            *lock(&shared.sharing) = Some(Sharing { line: Arc::downgrade(line), rights });
+        }
+    }
+
+    /// What guests are given.
+    pub(super) fn sharing(&self) -> Option<Sharing> {
+        lock(&self.shared()?.sharing).clone().filter(|sharing| sharing.line.strong_count() > 0)
+    }
+
+    fn shared(&self) -> Option<Arc<Shared>> {
+        match &self.way {
+            Way::Port(shared) => shared.upgrade(),
+            Way::Holder(_) => None,
+        }
+    }
+}
+
+impl Shared {
+    /// See [`StopHandle::stop`].
+    fn stop(&self, until: Instant) -> Result<Confirmation, LinkError> {
+        self.stops.fetch_add(1, Ordering::SeqCst);
         // Answers to an earlier program's stops may still be on the line; those that were heard before are none to this one.
         let mut number: u16 = rand::random();
         let mut sent = Vec::new();
         loop {
-            lock(&shared.heard).confirmed.retain(|(earlier, _)| *earlier != number);
-            match shared.send_urgently(&stop_frame(number), until) {
+            lock(&self.heard).confirmed.retain(|(earlier, _)| *earlier != number);
+            match self.send_urgently(&stop_frame(number), until) {
                 Ok(()) => sent.push(number),
                 Err(error) if sent.is_empty() => return Err(error),
                 Err(_) => {}
             }
-            if let Some(stopped) = shared.confirmed(&sent, until.min(Instant::now() + REPEAT)) {
+            if let Some(stopped) = self.confirmed(&sent, until.min(Instant::now() + REPEAT)) {
                 return Ok(Confirmation::of(stopped));
             }
             if Instant::now() >= until {

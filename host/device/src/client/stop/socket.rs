@@ -1,9 +1,14 @@
-//! The Unix socket on which a process that holds a port takes the stop from others.
+//! The Unix socket on which a process that holds a port takes stops and guests from other processes.
 //!
-//! One connection is one stop: the asker sends `stop` and a line end, the holder answers with one line, `confirmed`, `outputs alone`
-//! (the board does not control its servos), `sent` (the board has not confirmed) or `failed` (the port takes no bytes).
+//! The asker's first line says what it wants; the holder answers with one line:
+//!
+//! | line          | answer                                                                                          |
+//! |---------------|-------------------------------------------------------------------------------------------------|
+//! | `stop`        | `confirmed`, `outputs alone` (the board does not control its servos), `sent` (the board has not confirmed) or `failed` (the port takes no bytes) |
+//! | `shared?`     | `shared` or `alone`                                                                             |
+//! | `attach NAME` | `attached`, and the connection is the board's from then on (`crate::client::sharing`), or `alone` |
 
-use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::io::{Read as _, Write as _};
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -12,11 +17,12 @@ use std::thread;
 use std::time::Duration;
 
 use super::{Confirmation, HOLDER_BOUND, StopHandle};
+use crate::client::sharing::{self, Guest};
 
 /// A requested stop takes at most this long, so that the answer arrives in the asker's time.
 const HOLDER_WORK: Duration = Duration::from_millis(350);
 /// Longest request or answer.
-const LONGEST_LINE: u64 = 64;
+const LONGEST_LINE: usize = 192;
 
 /// A socket that is served until this is dropped.
 pub(super) struct Serving {
@@ -72,7 +78,14 @@ pub(super) fn served_by(socket: &Path) -> Option<u32> {
 fn answer(mut asker: UnixStream, handle: &StopHandle) -> std::io::Result<()> {
     asker.set_read_timeout(Some(HOLDER_BOUND))?;
     asker.set_write_timeout(Some(HOLDER_BOUND))?;
-    if line(&asker)? != "stop" {
+    let wanted = line(&mut asker)?;
+    if let Some(name) = wanted.strip_prefix("attach ") {
+        return attach(asker, name, handle);
+    }
+    if wanted == "shared?" {
+        return asker.write_all(if handle.sharing().is_some() { b"shared\n" } else { b"alone\n" });
+    }
+    if wanted != "stop" {
         return Ok(());
     }
     let said: &[u8] = match handle.stop(HOLDER_WORK) {
@@ -84,13 +97,31 @@ fn answer(mut asker: UnixStream, handle: &StopHandle) -> std::io::Result<()> {
     asker.write_all(said)
 }
 
+/// Makes the asker a guest, in a thread of its own.
+fn attach(mut asker: UnixStream, name: &str, handle: &StopHandle) -> std::io::Result<()> {
+    let Some(sharing) = handle.sharing().filter(|_| is_of_this_user(&asker)) else {
+        return asker.write_all(b"alone\n");
+    };
+    asker.write_all(b"attached\n")?;
+    let name = name.chars().filter(|c| !c.is_control()).collect();
+    let guest = Guest { key: rand::random(), name };
+    let handle = handle.clone();
+    thread::spawn(move || sharing::serve(asker, guest, sharing, handle));
+    Ok(())
+}
+
+/// The folder of the socket keeps other users out already; where the system does not say whose process it is, nothing more is known.
+fn is_of_this_user(asker: &UnixStream) -> bool {
+    rustix::net::sockopt::socket_peercred(asker).map_or(true, |peer| peer.uid == rustix::process::geteuid())
+}
+
 /// Asks the process that serves at `socket`; `None` if there is none, it does not answer in time, or it could not send.
 pub(super) fn ask(socket: &Path, within: Duration) -> Option<Confirmation> {
     let mut holder = UnixStream::connect(socket).ok()?;
     holder.set_read_timeout(Some(within)).ok()?;
     holder.set_write_timeout(Some(within)).ok()?;
     holder.write_all(b"stop\n").ok()?;
-    match line(&holder).ok()?.as_str() {
+    match line(&mut holder).ok()?.as_str() {
         "confirmed" => Some(Confirmation::Confirmed),
         "outputs alone" => Some(Confirmation::OutputsAlone),
         "sent" => Some(Confirmation::Missing),
@@ -98,8 +129,12 @@ pub(super) fn ask(socket: &Path, within: Duration) -> Option<Confirmation> {
     }
 }
 
-fn line(stream: &UnixStream) -> std::io::Result<String> {
-    let mut text = String::new();
-    BufReader::new(stream.take(LONGEST_LINE)).read_line(&mut text)?;
-    Ok(text.trim_end().to_owned())
+/// Reads a line and nothing of what follows it.
+pub(in crate::client) fn line(stream: &mut UnixStream) -> std::io::Result<String> {
+    let mut text = Vec::new();
+    let mut byte = [0];
+    while text.len() < LONGEST_LINE && stream.read(&mut byte)? > 0 && byte[0] != b'\n' {
+        text.push(byte[0]);
+    }
+    Ok(String::from_utf8_lossy(&text).trim_end().to_owned())
 }

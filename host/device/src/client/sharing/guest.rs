@@ -1,0 +1,36 @@
+//! A guest's end: the holder's socket as a link to the board.
+
+use std::io::Write as _;
+use std::os::unix::net::UnixStream;
+use std::path::Path;
+use std::time::Duration;
+
+use crate::client::stop::{StopHandle, socket};
+use crate::link::Link;
+use crate::link::socket::Socket;
+
+/// The holder answers at once, or is suspended.
+const ANSWER: Duration = Duration::from_millis(400);
+
+/// Attaches to the process that has `port`, through its socket, as `name`; `None` where there is no such process, or it does not
+/// share.
+pub fn attach(port: &str, socket: &Path, name: &str) -> Option<(Box<dyn Link>, StopHandle)> {
+    let stream = ask(socket, &format!("attach {name}")).filter(|(_, answer)| answer == "attached")?.0;
+    let link = Socket::of_holder(stream, port);
+    Some((Box::new(link), StopHandle::of_guest(port, socket)))
+}
+
+/// Whether the process that serves at `socket` shares its port.
+pub fn is_shared(socket: &Path) -> bool {
+    ask(socket, "shared?").is_some_and(|(_, answer)| answer == "shared")
+}
+
+/// Sends a line and reads the holder's; what follows it is not touched.
+fn ask(holder: &Path, line: &str) -> Option<(UnixStream, String)> {
+    let mut stream = UnixStream::connect(holder).ok()?;
+    stream.set_read_timeout(Some(ANSWER)).ok()?;
+    stream.set_write_timeout(Some(ANSWER)).ok()?;
+    stream.write_all(format!("{line}\n").as_bytes()).ok()?;
+    let answer = socket::line(&mut stream).ok()?;
+    Some((stream, answer))
+}
