@@ -2,7 +2,7 @@
 
 import { get, post, Refusal } from './server.js';
 import { keepStopLine, stopByLine } from './stop-line.js';
-import { byId, seconds, setText } from './format.js';
+import { byId, make, seconds, setText } from './format.js';
 
 const KEY = 'darm-control-key';
 // Without an answer of the server for this time the page says so.
@@ -13,7 +13,8 @@ const FORMER_STATE_MS = 500;
 
 // The storage of the tab has the key of its last page. A page that is left says so; the next one resumes within 2 s under a
 // new key, so that no duplicate of the tab has it. Otherwise the server takes control away, and what was switched by hand goes off.
-const control = { key: null };
+// What was asked for and is not handed over yet: its number and its key.
+const control = { key: null, asked: null };
 const RESUME_TRIES = 5;
 const RESUME_MS = 150;
 let lastAnswer = performance.now();
@@ -137,8 +138,13 @@ async function takeOrRelease() {
     if (hasControl()) {
       await post('/api/control', { do: 'release' }, { key: control.key });
       setKey(null);
+    } else if (control.asked) {
+      await post('/api/control', { do: 'refuse' }, { key: control.asked.key });
+      control.asked = null;
+    } else if (last?.control) {
+      control.asked = await post('/api/control', { do: 'ask', page });
     } else {
-      setKey((await post('/api/control', { do: 'take' })).key);
+      setKey((await post('/api/control', { do: 'take', page })).key);
     }
   } catch (error) {
     setKey(null);
@@ -160,20 +166,58 @@ async function renew() {
   }
 }
 
+// What the button does now, and who has control.
+function controlTexts(holder) {
+  if (hasControl()) return ['Release control', 'this page controls'];
+  if (!holder) return ['Take control', 'nobody controls'];
+  if (holder.is_program) return ['Take control', `${holder.name} controls: end it first`];
+  if (control.asked) return ['Ask no longer', `asked ${holder.name} for control`];
+  return holder.asked_by ? ['Ask for control', `${holder.name} controls, ${holder.asked_by} has asked`] : ['Ask for control', `${holder.name} controls`];
+}
+
 function showControl() {
   const holder = last?.control ?? null;
+  takeWhatWasAsked(holder);
+  const [does, says] = controlTexts(holder);
   const take = byId('take');
-  take.disabled = !last || (holder !== null && !hasControl());
-  setText(take, hasControl() ? 'Release control' : 'Take control');
+  take.disabled = !last || (!hasControl() && !control.asked && Boolean(holder?.is_program || holder?.asked_by));
+  setText(take, does);
   document.body.toggleAttribute('data-controls', hasControl());
-  const other = holder !== null ? `page ${holder} controls` : 'no page controls';
-  setText(byId('holder'), hasControl() ? 'this page controls' : last ? other : '');
+  setText(byId('holder'), last ? says : '');
+  const asks = hasControl() ? holder?.asked_by : null;
+  byId('asked').hidden = !asks;
+  setText(byId('asked-text'), asks ? `${asks} asks for control of the arm. What is on by hand stays on.` : '');
   for (const button of document.querySelectorAll('[data-needs-control]')) {
     button.disabled = !hasControl() || document.body.dataset.link !== 'live' || button.dataset.ready === 'false';
   }
 }
 
+// Control was handed over to this page, or it waits no longer: half a minute has passed, or it was refused.
+function takeWhatWasAsked(holder) {
+  if (!control.asked) return;
+  if (holder?.page === control.asked.page) {
+    setKey(control.asked.key);
+    renew();
+  }
+  // A state from before the question has nobody who asks.
+  control.asked.isSeen ||= Boolean(holder?.asked_by);
+  if (hasControl() || (control.asked.isSeen && !holder?.asked_by) || !holder) control.asked = null;
+}
+
+async function answerAsked(what) {
+  try {
+    await post('/api/control', { do: what }, { key: control.key });
+    if (what === 'hand-over') setKey(null);
+  } catch (error) {
+    showAlert(error.message);
+  }
+  byId('asked').hidden = true;
+  showControl();
+}
+
 byId('take').addEventListener('click', takeOrRelease);
+byId('hand-over').addEventListener('click', () => answerAsked('hand-over'));
+byId('keep').addEventListener('click', () => answerAsked('refuse'));
 setInterval(renew, RENEW_MS);
 window.addEventListener('pagehide', () => {
   if (hasControl()) post('/api/control', { do: 'leave' }, { key: control.key, keepalive: true }).catch(() => {});
@@ -183,6 +227,51 @@ window.addEventListener('pagehide', () => {
 // A page that the browser has kept for "back" is left and comes back.
 window.addEventListener('pageshow', (event) => { if (event.persisted) resume(); });
 resume();
+
+// ---------------------------------------------------------------- who is here
+
+const PAGE = 'darm-page';
+const PAGE_NAME = 'darm-page-name';
+// The pages of a tab, one after the other, are one.
+const page = Number(sessionStorage.getItem(PAGE) ?? crypto.getRandomValues(new Uint32Array(1))[0]);
+sessionStorage.setItem(PAGE, page);
+
+// Until a person gives a name: what the browser says of itself.
+function browserName() {
+  const agent = navigator.userAgent;
+  const find = (names) => names.find(([sign]) => agent.includes(sign))?.[1];
+  const browser = find([['Edg', 'Edge'], ['Firefox', 'Firefox'], ['Chrom', 'Chromium'], ['Safari', 'Safari']]) ?? 'Browser';
+  const system = find([['Android', 'Android'], ['iPhone', 'iPhone'], ['iPad', 'iPad'], ['Windows', 'Windows'], ['Mac', 'macOS'], ['Linux', 'Linux']]);
+  return system ? `${browser} on ${system}` : browser;
+}
+
+const pageName = () => localStorage.getItem(PAGE_NAME) || browserName();
+
+async function sayHere() {
+  try {
+    await post('/api/here', { page, name: pageName() }, { timeoutMs: 2000 });
+  } catch {
+    // The state of the link says so already.
+  }
+}
+
+byId('page-name').value = pageName();
+byId('page-name').addEventListener('change', (event) => {
+  localStorage.setItem(PAGE_NAME, event.target.value.trim());
+  event.target.value = pageName();
+  sayHere();
+});
+setInterval(sayHere, RENEW_MS);
+sayHere();
+
+function showHere({ attached }) {
+  setText(byId('here-count'), `${attached.length} here`);
+  const list = byId('here-list');
+  const key = JSON.stringify(attached);
+  if (list.dataset.key === key) return;
+  list.dataset.key = key;
+  list.replaceChildren(...attached.map((one) => make('li', {}, one.name)));
+}
 
 // ---------------------------------------------------------------- what is live
 
@@ -226,6 +315,7 @@ export async function follow() {
       showLink(live.link.state);
       showStop(live);
       showSafeState(live);
+      showHere(live);
       for (const listener of listeners) listener(live);
     } catch (error) {
       if (error.kind === 'denied') {

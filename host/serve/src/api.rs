@@ -9,7 +9,8 @@
 //! | `GET /api/program/table`, `/visits` | no | the file of the opened table, and its visit file             |
 //! | `POST /api/stop`    | no            | switches all outputs off, past everything else                          |
 //! | `GET /stop-line`    | yes           | a WebSocket: each message is a stop, see `stop_line.rs`                |
-//! | `POST /api/control` | no            | takes, renews or releases control, leaves a page with it, resumes it on the next |
+//! | `POST /api/control` | no            | takes, renews or releases control, leaves a page with it, resumes it on the next, asks for it, hands it over or refuses to |
+//! | `POST /api/here`    | no            | says that a page is there, and what it is called; pages show the list    |
 //! | `POST /api/open`    | no            | opens a table file: its bytes; nothing is sent to the board             |
 //! | `POST /api/upload`  | yes           | brings the opened table to the board                                    |
 //! | `POST /api/command` | yes           | plays, clears the safe state, switches an output, a word or a servo     |
@@ -40,6 +41,8 @@ use crate::refusal::{Kind, Refused};
 const PATIENCE: Duration = Duration::from_millis(250);
 /// Longest name of a file that is shown.
 const MAX_NAME: usize = 100;
+/// Longest name of a page.
+const MAX_PAGE_NAME: usize = 40;
 
 type Shared = State<Arc<Hub>>;
 type Answer<T> = Result<Json<T>, Refused>;
@@ -185,11 +188,22 @@ pub(crate) fn stop_json(answer: &Result<Stopped, Refused>) -> String {
 #[derive(Deserialize)]
 #[serde(tag = "do", rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) enum ControlRequest {
-    Take,
+    Take {
+        /// The number under which the page has said that it is there.
+        page: Option<u32>,
+    },
     Renew,
     Resume,
     Release,
     Leave,
+    /// The page with control is asked for it: what is granted is valid once it hands it over.
+    Ask {
+        /// As of `Take`.
+        page: Option<u32>,
+    },
+    HandOver,
+    /// Control is not handed over, or not wanted any more.
+    Refuse,
 }
 
 #[derive(Serialize)]
@@ -206,13 +220,19 @@ pub(crate) async fn control(
 ) -> Answer<Granted> {
     let granted = |page, key| Json(Granted { page, key, lease_s: LEASE.as_secs_f64() });
     match request {
-        ControlRequest::Take => {
-            let grant = hub.control(|control, now| control.take(now, rand::random()))?;
+        ControlRequest::Take { page } => {
+            let name = hub.page_name(page);
+            let grant = hub.control(|control, now| control.take(now, rand::random(), &name))?;
             Ok(granted(Some(grant.page), Some(format!("{:016x}", grant.key))))
         }
-        ControlRequest::Renew => {
-            let key = key(&headers)?;
-            hub.control(|control, now| control.renew(now, key))?;
+        ControlRequest::Ask { page } => {
+            let name = hub.page_name(page);
+            let grant = hub.control(|control, now| control.ask(now, rand::random(), &name))?;
+            Ok(granted(Some(grant.page), Some(format!("{:016x}", grant.key))))
+        }
+        ControlRequest::Renew | ControlRequest::HandOver => {
+            let (key, is_renewal) = (key(&headers)?, matches!(request, ControlRequest::Renew));
+            hub.control(|control, now| if is_renewal { control.renew(now, key) } else { control.hand_over(now, key) })?;
             Ok(granted(None, None))
         }
         ControlRequest::Resume => {
@@ -220,19 +240,34 @@ pub(crate) async fn control(
             let grant = hub.control(|control, now| control.resume(now, key, rand::random()))?;
             Ok(granted(Some(grant.page), Some(format!("{:016x}", grant.key))))
         }
-        ControlRequest::Release | ControlRequest::Leave => {
-            let (key, is_leaving) = (key(&headers)?, matches!(request, ControlRequest::Leave));
+        ControlRequest::Release | ControlRequest::Leave | ControlRequest::Refuse => {
+            let key = key(&headers)?;
             hub.control(|control, now| {
-                if is_leaving {
-                    control.leave(now, key)
-                } else {
-                    control.release(key)
+                match request {
+                    ControlRequest::Leave => control.leave(now, key),
+                    ControlRequest::Refuse => control.refuse(now, key),
+                    _ => control.release(key),
                 }
                 Ok(())
             })?;
             Ok(granted(None, None))
         }
     }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Here {
+    /// A random number of the page.
+    page: u32,
+    /// What it is called.
+    name: String,
+}
+
+pub(crate) async fn here(State(hub): Shared, Json(Here { page, name }): Json<Here>) -> Answer<()> {
+    let name: String = name.trim().chars().filter(|c| !c.is_control()).take(MAX_PAGE_NAME).collect();
+    hub.see_page(page, &name);
+    Ok(Json(()))
 }
 
 /// Whether a request is one of the page with control.

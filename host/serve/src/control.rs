@@ -1,4 +1,4 @@
-//! Which page controls the arm: one at a time, for as long as it renews.
+//! Which page or program controls the arm: one at a time, for as long as it renews.
 //!
 //! ```text
 //!            take                      leave                    resume, with the key
@@ -6,6 +6,9 @@
 //!    ▲                    │  renewed no longer: LEASE   │ no page resumes: CHANGE
 //!    └── release ◄────────┴─────────────────────────────┴──► nobody, and the arm is abandoned
 //! ```
+//!
+//! Another page may ask for control: for [`ASK`] the page that has it can hand it over, and what was switched by hand stays as it is. A
+//! program has control from its first order until it ends; it can be asked for nothing.
 //!
 //! A page that is left does not know whether its tab goes to another page, loads it again, or is closed. It says that it leaves;
 //! the next page of the tab resumes with the key of the one before. Outputs that were switched by hand stay as they are in
@@ -20,6 +23,9 @@ pub const LEASE: Duration = Duration::from_secs(3);
 /// How long it lasts after its page was left, until the next page of the tab resumes.
 pub const CHANGE: Duration = Duration::from_secs(2);
 
+/// How long a page that has asked for control waits for it.
+pub const ASK: Duration = Duration::from_secs(30);
+
 /// Control as a page gets it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Grant {
@@ -30,53 +36,150 @@ pub struct Grant {
 }
 
 /// Why a page does not have control.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ControlError {
     /// Another page has it.
-    #[error("page {page} controls the arm; release control there, or close that page")]
+    #[error("{name} controls the arm; ask for control, or release it there")]
     Taken {
-        /// Its number.
-        page: u32,
+        /// What it is called.
+        name: String,
+    },
+    /// A program has it.
+    #[error("{name} controls the arm; end it first")]
+    TakenByProgram {
+        /// Its command.
+        name: String,
+    },
+    /// Another page has asked for it already.
+    #[error("{name} has asked for control already; try again in half a minute")]
+    Asked {
+        /// What it is called.
+        name: String,
     },
     /// The page has none, or has it no longer.
     #[error("this page does not control the arm; take control first")]
     Missing,
+    /// Control cannot be handed over.
+    #[error("no page asks for control any more")]
+    NobodyAsks,
 }
 
 /// Who controls the arm.
 #[derive(Debug, Default)]
 pub struct Control {
     holder: Option<Holder>,
+    asking: Option<Holder>,
     grants: u32,
     is_abandoned: bool,
 }
 
-/// A page that controls the arm.
-#[derive(Clone, Copy, Debug)]
-struct Holder {
-    grant: Grant,
+/// A page or program that controls the arm, or asks for it.
+#[derive(Clone, Debug)]
+pub struct Holder {
+    /// Its grant.
+    pub grant: Grant,
+    /// What it is called.
+    pub name: String,
+    /// Whether it is a program.
+    pub is_program: bool,
     until: Instant,
     /// The page was left, and the next one of its tab is not there yet.
     has_left: bool,
 }
 
+impl Holder {
+    fn error(&self) -> ControlError {
+        let name = self.name.clone();
+        if self.is_program { ControlError::TakenByProgram { name } } else { ControlError::Taken { name } }
+    }
+}
+
 impl Control {
-    /// Gives control to a page, under a key that it shows from now on.
+    /// Gives control to a page of this name, under a key that it shows from now on; without a name it has its number.
     ///
     /// # Errors
     ///
-    /// [`ControlError::Taken`]: another page has it.
-    pub fn take(&mut self, now: Instant, key: u64) -> Result<Grant, ControlError> {
+    /// Another page or a program has it.
+    pub fn take(&mut self, now: Instant, key: u64, name: &str) -> Result<Grant, ControlError> {
+        self.hold(now, key, name, false)
+    }
+
+    /// Gives control to a program, or leaves it there.
+    ///
+    /// # Errors
+    ///
+    /// A page or another program has it.
+    pub fn take_as_program(&mut self, now: Instant, key: u64, name: &str) -> Result<(), ControlError> {
+        if self.renew(now, key).is_ok() { Ok(()) } else { self.hold(now, key, name, true).map(drop) }
+    }
+
+    fn hold(&mut self, now: Instant, key: u64, name: &str, is_program: bool) -> Result<Grant, ControlError> {
         self.expire(now);
-        match self.holder(now) {
-            Some(page) => Err(ControlError::Taken { page }),
-            None => {
-                self.grants += 1;
-                let grant = Grant { page: self.grants, key };
-                self.holder = Some(Holder { grant, until: now + LEASE, has_left: false });
+        if let Some(holder) = &self.holder {
+            return Err(holder.error());
+        }
+        let holder = Holder { is_program, ..self.next(now + LEASE, key, name) };
+        let grant = holder.grant;
+        (self.holder, self.asking) = (Some(holder), None);
+        Ok(grant)
+    }
+
+    fn next(&mut self, until: Instant, key: u64, name: &str) -> Holder {
+        self.grants += 1;
+        let page = self.grants;
+        let name = if name.is_empty() { format!("page {page}") } else { name.to_owned() };
+        Holder { grant: Grant { page, key }, name, is_program: false, until, has_left: false }
+    }
+
+    /// Asks the page with control to hand it over. The grant is what the page will have then; at once where nobody has control.
+    ///
+    /// # Errors
+    ///
+    /// A program has control, or another page has asked.
+    pub fn ask(&mut self, now: Instant, key: u64, name: &str) -> Result<Grant, ControlError> {
+        self.expire(now);
+        match (&self.holder, &self.asking) {
+            (None, _) => self.take(now, key, name),
+            (Some(holder), _) if holder.is_program => Err(holder.error()),
+            (Some(_), Some(asking)) => Err(ControlError::Asked { name: asking.name.clone() }),
+            (Some(_), None) => {
+                let asking = self.next(now + ASK, key, name);
+                let grant = asking.grant;
+                self.asking = Some(asking);
                 Ok(grant)
             }
         }
+    }
+
+    /// Gives the control of the page with this key to the page that has asked for it.
+    ///
+    /// # Errors
+    ///
+    /// As [`check`](Self::check), or [`ControlError::NobodyAsks`].
+    pub fn hand_over(&mut self, now: Instant, key: u64) -> Result<(), ControlError> {
+        self.expire(now);
+        self.check(now, key)?;
+        let asking = self.asking.take().ok_or(ControlError::NobodyAsks)?;
+        self.holder = Some(Holder { until: now + LEASE, ..asking });
+        Ok(())
+    }
+
+    /// What the page that asks for control is called.
+    pub fn asking(&self, now: Instant) -> Option<&str> {
+        self.asking.as_ref().filter(|asking| now < asking.until).map(|asking| asking.name.as_str())
+    }
+
+    /// The page with control hands nothing over, or the page that has asked wants it no longer.
+    pub fn refuse(&mut self, now: Instant, key: u64) {
+        let is_asker = self.asking.as_ref().is_some_and(|asking| asking.grant.key == key);
+        if is_asker || self.check(now, key).is_ok() {
+            self.asking = None;
+        }
+    }
+
+    /// The program has gone with its control; one that has none changes nothing.
+    pub fn abandon(&mut self, key: u64) {
+        self.is_abandoned |= self.holder.take_if(|holder| holder.grant.key == key).is_some();
     }
 
     /// Keeps control for another [`LEASE`].
@@ -94,11 +197,13 @@ impl Control {
     ///
     /// # Errors
     ///
-    /// [`ControlError::Taken`]: the page before is still there, or another one has control. [`ControlError::Missing`]: no page has.
+    /// The page before is still there, or another one has control; [`ControlError::Missing`]: no page has.
     pub fn resume(&mut self, now: Instant, key: u64, next: u64) -> Result<Grant, ControlError> {
         self.check(now, key)?;
-        let holder = self.holder.as_mut().filter(|holder| holder.has_left);
-        let holder = holder.ok_or(ControlError::Taken { page: self.grants })?;
+        let holder = self.holder.as_mut().ok_or(ControlError::Missing)?;
+        if !holder.has_left {
+            return Err(holder.error());
+        }
         holder.grant.key = next;
         (holder.until, holder.has_left) = (now + LEASE, false);
         Ok(holder.grant)
@@ -123,6 +228,7 @@ impl Control {
     }
 
     fn expire(&mut self, now: Instant) {
+        self.asking.take_if(|asking| now >= asking.until);
         if self.holder.take_if(|holder| now >= holder.until).is_some() {
             self.is_abandoned = true;
         }
@@ -132,18 +238,18 @@ impl Control {
     ///
     /// # Errors
     ///
-    /// [`ControlError::Taken`]: another page has it. [`ControlError::Missing`]: no page has.
+    /// Another page or a program has it; [`ControlError::Missing`]: no page has.
     pub fn check(&self, now: Instant, key: u64) -> Result<(), ControlError> {
         match self.holder(now) {
-            Some(_) if self.holder.is_some_and(|holder| holder.grant.key == key) => Ok(()),
-            Some(page) => Err(ControlError::Taken { page }),
+            Some(holder) if holder.grant.key == key => Ok(()),
+            Some(holder) => Err(holder.error()),
             None => Err(ControlError::Missing),
         }
     }
 
-    /// Number of the page that has control.
-    pub fn holder(&self, now: Instant) -> Option<u32> {
-        self.holder.filter(|holder| now < holder.until).map(|holder| holder.grant.page)
+    /// The page or program that has control.
+    pub fn holder(&self, now: Instant) -> Option<&Holder> {
+        self.holder.as_ref().filter(|holder| now < holder.until)
     }
 }
 
@@ -151,42 +257,46 @@ impl Control {
 mod tests {
     use std::time::{Duration, Instant};
 
-    use super::{CHANGE, Control, ControlError, LEASE};
+    use super::{ASK, CHANGE, Control, ControlError, LEASE};
+
+    fn name_of_holder(control: &Control, now: Instant) -> Option<&str> {
+        control.holder(now).map(|holder| holder.name.as_str())
+    }
 
     #[test]
     fn one_page_at_a_time_has_control_until_it_releases_it_or_renews_no_longer() {
         let (mut control, start) = (Control::default(), Instant::now());
         assert_eq!(control.check(start, 7), Err(ControlError::Missing));
-        let first = control.take(start, 7).unwrap();
-        assert_eq!(control.take(start, 8), Err(ControlError::Taken { page: first.page }));
+        let first = control.take(start, 7, "").unwrap();
+        assert_eq!(control.take(start, 8, ""), Err(ControlError::Taken { name: format!("page {}", first.page) }));
         assert_eq!((control.check(start, 7), control.check(start, 8).is_err()), (Ok(()), true));
         control.release(8);
-        assert_eq!(control.holder(start), Some(first.page));
+        assert_eq!(name_of_holder(&control, start), Some("page 1"));
         let late = start + LEASE - Duration::from_millis(1);
         control.renew(late, 7).unwrap();
-        assert_eq!(control.holder(late + LEASE / 2), Some(first.page));
+        assert_eq!(name_of_holder(&control, late + LEASE / 2), Some("page 1"));
         assert_eq!(control.check(late + LEASE, 7), Err(ControlError::Missing));
         assert_eq!(control.renew(late + LEASE, 7), Err(ControlError::Missing));
-        let second = control.take(late + LEASE, 8).unwrap();
+        let second = control.take(late + LEASE, 8, "").unwrap();
         assert_ne!(second.page, first.page);
         control.release(8);
-        assert_eq!(control.holder(late + LEASE), None);
+        assert_eq!(name_of_holder(&control, late + LEASE), None);
     }
 
     #[test]
     fn control_that_runs_out_abandons_the_arm_once() {
         let (mut control, start) = (Control::default(), Instant::now());
-        control.take(start, 7).unwrap();
+        control.take(start, 7, "").unwrap();
         control.leave(start, 8);
         assert!(!control.take_abandoned(start + CHANGE), "it has control still");
         control.release(7);
         assert!(!control.take_abandoned(start + LEASE), "a person released it");
-        control.take(start, 7).unwrap();
+        control.take(start, 7, "").unwrap();
         control.leave(start, 7);
         assert!(!control.take_abandoned(start), "its tab may go to another page");
         assert_eq!([(); 2].map(|()| control.take_abandoned(start + CHANGE)), [true, false]);
-        control.take(start, 7).unwrap();
-        control.take(start + LEASE, 8).unwrap();
+        control.take(start, 7, "").unwrap();
+        control.take(start + LEASE, 8, "").unwrap();
         assert_eq!([(); 2].map(|()| control.take_abandoned(start + LEASE)), [true, false]);
         assert!(control.take_abandoned(start + 2 * LEASE));
     }
@@ -194,10 +304,14 @@ mod tests {
     #[test]
     fn the_next_page_of_a_tab_resumes_once_and_a_duplicated_tab_does_not() {
         let (mut control, start) = (Control::default(), Instant::now());
-        let page = control.take(start, 7).unwrap().page;
-        assert_eq!(control.resume(start, 7, 8), Err(ControlError::Taken { page }), "the first page is there");
+        let page = control.take(start, 7, "").unwrap().page;
+        assert_eq!(
+            control.resume(start, 7, 8),
+            Err(ControlError::Taken { name: format!("page {page}") }),
+            "the first page is there"
+        );
         control.leave(start, 7);
-        assert_eq!(control.take(start, 9), Err(ControlError::Taken { page }));
+        assert_eq!(control.take(start, 9, ""), Err(ControlError::Taken { name: format!("page {page}") }));
         assert!(control.resume(start, 6, 8).is_err(), "another key");
         let soon = start + CHANGE / 2;
         assert_eq!(control.resume(soon, 7, 8).map(|grant| (grant.page, grant.key)), Ok((page, 8)));
@@ -213,9 +327,60 @@ mod tests {
     #[test]
     fn a_page_that_has_left_lasts_no_longer_for_its_renewals() {
         let (mut control, start) = (Control::default(), Instant::now());
-        control.take(start, 7).unwrap();
+        control.take(start, 7, "").unwrap();
         control.leave(start, 7);
         let _ = control.renew(start + CHANGE / 2, 7);
         assert!(control.take_abandoned(start + CHANGE));
+    }
+
+    #[test]
+    fn control_goes_to_the_page_that_has_asked_when_it_is_handed_over() {
+        let (mut control, start) = (Control::default(), Instant::now());
+        control.take(start, 7, "bench").unwrap();
+        let grant = control.ask(start, 8, "phone").unwrap();
+        assert_eq!(control.asking(start), Some("phone"));
+        assert_eq!(control.ask(start, 9, "other"), Err(ControlError::Asked { name: "phone".to_owned() }));
+        assert!(control.check(start, 8).is_err() && control.hand_over(start, 8).is_err(), "it has only asked");
+        control.hand_over(start, 7).unwrap();
+        assert_eq!(name_of_holder(&control, start), Some("phone"));
+        assert_eq!(control.holder(start).map(|holder| holder.grant), Some(grant));
+        assert_eq!((control.check(start, 8), control.asking(start)), (Ok(()), None));
+        assert_eq!(control.check(start, 7), Err(ControlError::Taken { name: "phone".to_owned() }));
+        assert!(!control.take_abandoned(start), "what was switched by hand stays");
+        assert_eq!(control.hand_over(start, 8), Err(ControlError::NobodyAsks));
+    }
+
+    #[test]
+    fn who_has_asked_waits_half_a_minute_or_until_somebody_refuses() {
+        let (mut control, start) = (Control::default(), Instant::now());
+        control.take(start, 7, "bench").unwrap();
+        control.ask(start, 8, "phone").unwrap();
+        control.refuse(start, 9);
+        assert_eq!(control.asking(start), Some("phone"), "neither of the two");
+        control.refuse(start, 7);
+        assert_eq!(control.asking(start), None);
+        control.ask(start, 8, "phone").unwrap();
+        (1..=ASK.as_secs()).for_each(|s| control.renew(start + Duration::from_secs(s), 7).unwrap());
+        assert_eq!(control.hand_over(start + ASK, 7), Err(ControlError::NobodyAsks));
+        control.release(7);
+        assert_eq!(
+            control.ask(start + ASK, 8, "phone").map(|grant| control.holder(start + ASK).unwrap().grant == grant),
+            Ok(true)
+        );
+    }
+
+    #[test]
+    fn a_program_has_control_until_it_ends_and_then_the_arm_is_abandoned() {
+        let (mut control, start) = (Control::default(), Instant::now());
+        control.take_as_program(start, 5, "`darm record`").unwrap();
+        let taken = ControlError::TakenByProgram { name: "`darm record`".to_owned() };
+        assert_eq!(control.take(start, 8, ""), Err(taken.clone()));
+        assert_eq!(control.ask(start, 8, ""), Err(taken));
+        assert_eq!(control.take_as_program(start + LEASE / 2, 5, "`darm record`"), Ok(()));
+        assert!(control.take_as_program(start, 6, "another").is_err());
+        control.abandon(6);
+        assert!(!control.take_abandoned(start));
+        control.abandon(5);
+        assert_eq!((control.take_abandoned(start), name_of_holder(&control, start)), (true, None));
     }
 }

@@ -7,10 +7,12 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use darm_arm::wired_arm::WiredArm;
+use darm_device::client::sharing::{Guest, Rights};
 use darm_device::client::stop::{Confirmation, STOP_BOUND, StopHandle};
 use darm_device::link::LinkError;
 use tokio::sync::{oneshot, watch};
 
+use crate::attached::Attached;
 use crate::board_port::Stopper;
 use crate::control::{Control, ControlError};
 use crate::history::History;
@@ -21,7 +23,7 @@ use crate::program::Program;
 use crate::refusal::{Kind, Refused};
 use crate::served_arm::ServedArm;
 use crate::unix_time;
-use crate::view::{BoardView, EventView, LinkView, LiveView, UploadView};
+use crate::view::{BoardView, ControlView, EventView, LinkView, LiveView, UploadView};
 
 /// What is older than this is not live: ten times the interval of the questions.
 pub const LIVE: Duration = Duration::from_millis(500);
@@ -57,6 +59,7 @@ struct State {
     events: VecDeque<EventView>,
     upload: Option<UploadView>,
     control: Control,
+    attached: Attached,
     /// Name of the port that was opened last; empty before.
     port: String,
     /// Stops the board past the watcher, while the port is open.
@@ -85,6 +88,7 @@ impl Hub {
             events: VecDeque::new(),
             upload: None,
             control: Control::default(),
+            attached: Attached::default(),
             port: String::new(),
             handle: None,
             picture: (0, None),
@@ -206,6 +210,19 @@ impl Hub {
         done
     }
 
+    /// A page says that it is there.
+    pub(crate) fn see_page(&self, id: u32, name: &str) {
+        let has_changed = self.state().attached.see(Instant::now(), id, name);
+        if has_changed {
+            self.wake();
+        }
+    }
+
+    /// What a page is called that has said that it is there; else nothing.
+    pub(crate) fn page_name(&self, id: Option<u32>) -> String {
+        id.and_then(|id| self.state().attached.name(id)).unwrap_or_default()
+    }
+
     /// What pages show now.
     pub(crate) fn view(&self) -> LiveView {
         let (state, now) = (self.state(), Instant::now());
@@ -219,7 +236,13 @@ impl Hub {
             link,
             port: state.port.clone(),
             age_s: age.map(|age| age.as_secs_f64()),
-            control: state.control.holder(now),
+            control: state.control.holder(now).map(|holder| ControlView {
+                page: holder.grant.page,
+                name: holder.name.clone(),
+                is_program: holder.is_program,
+                asked_by: state.control.asking(now).map(str::to_owned),
+            }),
+            attached: state.attached.view(now),
             picture: state.picture.0,
             program: state.program.0,
             upload: state.upload,
@@ -318,5 +341,32 @@ impl Hub {
 
     fn state(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Programs that use the port of the server have the rights of a page; an order is one to the board itself.
+impl Rights for Hub {
+    fn arrive(&self, guest: &Guest) {
+        self.state().attached.arrive(guest);
+        self.wake();
+    }
+
+    fn stay(&self, guest: &Guest) {
+        // One that has no control has none to keep.
+        let _ = self.state().control.renew(Instant::now(), guest.key);
+    }
+
+    fn take_control(&self, guest: &Guest) -> Result<(), String> {
+        let taken = self.control(|control, now| control.take_as_program(now, guest.key, &guest.name));
+        taken.map_err(|error| error.to_string())
+    }
+
+    fn leave(&self, guest: &Guest) {
+        {
+            let mut state = self.state();
+            state.attached.leave(guest);
+            state.control.abandon(guest.key);
+        }
+        self.wake();
     }
 }

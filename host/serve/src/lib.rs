@@ -2,7 +2,8 @@
 //!
 //! ```text
 //!  board ◄─► watcher (one thread, the only user of the client) ─► hub ─► api ─► pages
-//!    ▲                            ▲ orders: play, set, upload             │
+//!    ▲  ▲                         ▲ orders: play, set, upload             │
+//!    │  └── other `darm` commands: guests of the port, with the rights of a page
 //!    └── stop: past the watcher, from any page, at any time ◄─────────────┘
 //! ```
 //!
@@ -16,6 +17,7 @@
 pub mod access;
 mod api;
 pub mod assets;
+mod attached;
 pub mod board_port;
 pub mod connections;
 pub mod control;

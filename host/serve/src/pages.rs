@@ -66,6 +66,15 @@ impl Page {
                 div.control {
                     button #take type="button" disabled { "Take control" }
                     span #holder role="status" {}
+                    details #here {
+                        summary #here-count { "…" }
+                        div {
+                            p { "At this board:" }
+                            ul #here-list {}
+                            label { "This page is called " input #page-name maxlength="40" autocomplete="off"; }
+                            p.note { "Without spaces: " kbd { "Space" } " stops the arm." }
+                        }
+                    }
                 }
                 form #stop-form action="/api/stop" method="post" {
                     button #stop type="submit" aria-keyshortcuts="Space" { "Stop" }
@@ -73,6 +82,11 @@ impl Page {
             }
             p #stopped role="alert" hidden {}
             p #safe .alert role="alert" hidden {}
+            p #asked .ask role="alert" hidden {
+                span #asked-text {} " "
+                button #hand-over type="button" { "Hand over" } " "
+                button #keep type="button" { "Keep control" }
+            }
             p #alert .alert role="alert" hidden {}
             noscript { p.alert { "Scripts are off: this page shows nothing live. The stop works." } }
         }

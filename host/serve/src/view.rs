@@ -4,6 +4,7 @@ use darm_core::sequencer::{Event, Phase};
 use darm_core::units::Micros;
 use serde::Serialize;
 
+use crate::attached::AttachedView;
 use crate::measured::MeasuredView;
 use crate::program::seconds;
 use crate::refusal::{Limit, Place, of_fault};
@@ -19,8 +20,10 @@ pub struct LiveView {
     pub port: String,
     /// Age of what was seen of the board, s.
     pub age_s: Option<f64>,
-    /// Number of the page that controls the arm.
-    pub control: Option<u32>,
+    /// Who controls the arm.
+    pub control: Option<ControlView>,
+    /// Who is at the board: pages and programs.
+    pub attached: Vec<AttachedView>,
     /// Number of the picture: a page fetches it when it changes.
     pub picture: u64,
     /// Number of the opened table: a page fetches it when it changes.
@@ -33,6 +36,19 @@ pub struct LiveView {
     pub board: Option<BoardView>,
     /// What happened on the board, oldest first.
     pub events: Vec<EventView>,
+}
+
+/// Who controls the arm.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct ControlView {
+    /// Number of the grant.
+    pub page: u32,
+    /// What the page or program is called.
+    pub name: String,
+    /// Whether it is a program, which cannot be asked for control.
+    pub is_program: bool,
+    /// The page that asks for control.
+    pub asked_by: Option<String>,
 }
 
 /// Whether the board answers.

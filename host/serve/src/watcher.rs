@@ -9,7 +9,9 @@ use std::time::{Duration, Instant};
 
 use darm_arm::table_file::{self, TableFile};
 use darm_core::sequencer::Command;
+use darm_core::units::Digest;
 use darm_core::wire::message::Refusal;
+use darm_device::client::sharing::Rights;
 use darm_device::client::{Client, ClientError};
 use darm_device::link::LinkError;
 
@@ -70,8 +72,10 @@ impl Watcher {
     fn connect(&mut self) -> Result<Client, ClientError> {
         let stops = self.hub.stops();
         let (link, handle) = (self.open)()?;
-        self.hub.set_open(link.name(), handle);
+        self.hub.set_open(link.name(), handle.clone());
         let client = Client::connect(link)?;
+        let rights: Arc<dyn Rights> = Arc::clone(&self.hub) as _;
+        client.share(&handle, rights);
         (self.stops_at_hello, self.opened) = (Some(stops), Instant::now());
         Ok(client)
     }
@@ -163,33 +167,35 @@ impl Watcher {
         Ok(())
     }
 
-    /// Opens the connection where a stop of a page or the board has ended it.
+    /// Opens the connection where a stop of a page or the board has ended it, or joins the one that a program has opened since.
     fn open_again(&mut self, client: &mut Client) -> Result<(), ClientError> {
-        if self.stops_at_hello == Some(self.hub.stops()) { Ok(()) } else { self.say_hello(client) }
+        let is_open = self.stops_at_hello == Some(self.hub.stops()) && client.knows_connection();
+        if is_open { Ok(()) } else { self.say_hello(client) }
     }
 
     fn say_hello(&mut self, client: &mut Client) -> Result<(), ClientError> {
         let stops = self.hub.stops();
-        client.say_hello()?;
+        client.join()?;
         (self.stops_at_hello, self.opened) = (Some(stops), Instant::now());
         Ok(())
     }
 
     fn send(&mut self, client: &mut Client, task: &Task) -> Result<(), Refused> {
-        let done = match task {
-            Task::Command(command) => client.command(*command),
-            Task::Play { table } if client.hello().and_then(|hello| hello.table) == Some(*table) => {
-                client.command(Command::Play)
-            }
-            Task::Play { .. } => {
-                return Err(Refused::new(
-                    Kind::Refused,
-                    "the board has another table than this page shows; upload it first",
-                ));
-            }
-            Task::Upload(program) => return self.upload(client, program),
-        };
-        done.map_err(|error| self.refused(error))
+        match task {
+            Task::Command(command) => client.command(*command).map_err(|error| self.refused(error)),
+            Task::Play { table } => self.play(client, *table),
+            Task::Upload(program) => self.upload(client, program),
+        }
+    }
+
+    fn play(&mut self, client: &mut Client, table: Digest) -> Result<(), Refused> {
+        // A program may have uploaded another one over this port.
+        client.renew_hello().map_err(|error| self.refused(error))?;
+        if client.hello().and_then(|hello| hello.table) != Some(table) {
+            let text = "the board has another table than this page shows; upload it first";
+            return Err(Refused::new(Kind::Refused, text));
+        }
+        client.command(Command::Play).map_err(|error| self.refused(error))
     }
 
     fn upload(&mut self, client: &mut Client, program: &Program) -> Result<(), Refused> {

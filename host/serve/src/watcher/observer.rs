@@ -88,6 +88,8 @@ impl Observer {
             self.outputs = client.outputs()?;
             self.outputs_s = client.now_s();
             self.health = client.health()?;
+            // A program may have brought another table over this port.
+            client.renew_hello()?;
             self.outputs_due = Instant::now() + OUTPUTS_PERIOD;
         }
         let hub = Arc::clone(&self.hub);

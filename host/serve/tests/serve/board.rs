@@ -10,6 +10,8 @@ use std::time::{Duration, Instant};
 use darm_arm::plan::{Visit, plan};
 use darm_arm::table_file;
 use darm_arm::wired_arm::WiredArm;
+use darm_device::client::Client;
+use darm_device::client::sharing::attach;
 use darm_device::client::stop::{hold, stop_at};
 use darm_device::link::LinkError;
 use darm_serve::access::Token;
@@ -38,6 +40,8 @@ pub(crate) struct Bench {
     is_plugged: Arc<AtomicBool>,
     /// The cable takes no bytes: what the server has to send waits.
     pub(crate) is_held: Arc<AtomicBool>,
+    /// Where other programs reach the board through the server.
+    pub(crate) socket: PathBuf,
     _folder: tempfile::TempDir,
 }
 
@@ -60,15 +64,17 @@ impl Bench {
         let (plug, plugged) = (board.clone(), Arc::clone(&is_plugged));
         let is_held = Arc::new(AtomicBool::new(false));
         let held = Arc::clone(&is_held);
+        let folder = tempfile::tempdir().unwrap();
+        let socket = folder.path().join("port");
+        let shared = socket.clone();
         let open = move || match plugged.load(Ordering::SeqCst) {
             true => Ok(hold(
                 Box::new(Cable { link: plug.link(), is_plugged: Arc::clone(&plugged), is_held: Arc::clone(&held) }),
-                None,
+                Some(&shared),
             )),
             false => Err(LinkError::Missing { port: "in-process".into() }),
         };
         let port = BoardPort { open: Box::new(open), stop: Box::new(|| stop_at("in-process", None)) };
-        let folder = tempfile::tempdir().unwrap();
         let server = Server::start(Config {
             listen: "127.0.0.1:0".parse().unwrap(),
             names: vec![],
@@ -78,7 +84,7 @@ impl Bench {
             poses,
             history: Some(History::open(&folder.path().join("history.sqlite3")).unwrap()),
         });
-        Self { board, wired, server: server.unwrap(), is_plugged, is_held, _folder: folder }
+        Self { board, wired, server: server.unwrap(), is_plugged, is_held, socket, _folder: folder }
     }
 
     pub(crate) fn address(&self) -> SocketAddr {
@@ -156,7 +162,14 @@ impl Bench {
         self.live(|live| live["link"]["state"] == "live");
         let granted = self.post("/api/control", &[], &json!({"do": "take"}));
         assert_eq!(granted.status, 200, "{}", granted.json());
-        Page::of(self, &granted.json())
+        Page::granted(self, &granted.json())
+    }
+
+    /// Another program at the board, through the server.
+    #[track_caller]
+    pub(crate) fn guest(&self, name: &str) -> Client {
+        self.live(|live| live["link"]["state"] == "live");
+        Client::connect(attach("in-process", &self.socket, name).unwrap().0).unwrap()
     }
 }
 
@@ -193,7 +206,7 @@ pub(crate) struct Page<'a> {
 }
 
 impl<'a> Page<'a> {
-    fn of(bench: &'a Bench, granted: &Value) -> Self {
+    pub(crate) fn granted(bench: &'a Bench, granted: &Value) -> Self {
         let key = granted["key"].as_str().unwrap();
         Self { bench, number: granted["page"].as_u64().unwrap(), header: format!("x-darm-control: {key}") }
     }
@@ -211,7 +224,7 @@ impl<'a> Page<'a> {
     pub(crate) fn resumed(&self) -> Self {
         let granted = self.control("resume");
         assert_eq!(granted.status, 200, "{}", granted.json());
-        Self::of(self.bench, &granted.json())
+        Self::granted(self.bench, &granted.json())
     }
 
     pub(crate) fn order(&self, path: &str, body: &Value) -> Answer {

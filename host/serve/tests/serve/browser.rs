@@ -125,21 +125,28 @@ fn two_pages_agree_on_who_controls() {
     let address = format!("http://{}/", bench.address());
     let holder = |text: &str| format!("document.querySelector('#holder').textContent === '{text}'");
     browser.open(&address);
-    browser.wait(&holder("no page controls"));
+    browser.wait(&holder("nobody controls"));
     browser.click("#take");
     browser.wait(&holder("this page controls"));
-    let number = bench.get("/api/live")["control"].as_u64().unwrap();
+    let name = bench.get("/api/live")["control"]["name"].as_str().unwrap().to_owned();
     let first = browser.other_window(&address);
-    browser.wait(&holder(&format!("page {number} controls")));
-    assert_eq!(browser.value("document.querySelector('#take').disabled"), true);
+    let second = browser.window();
+    let other = format!("{name} controls");
+    browser.wait(&holder(&other));
+    for answer in ["#keep", "#hand-over"] {
+        browser.click("#take");
+        browser.wait(&holder(&format!("asked {name} for control")));
+        browser.to_window(&first);
+        browser.wait("!document.querySelector('#asked').hidden");
+        browser.click(answer);
+        browser.to_window(&second);
+        browser.wait(&holder(if answer == "#keep" { &other } else { "this page controls" }));
+    }
     browser.to_window(&first);
+    browser.wait(&holder(&format!("{name} (2) controls")));
+    browser.to_window(&second);
     browser.click("#take");
-    browser.wait(&holder("no page controls"));
-    let second = browser.other_window(&address);
-    assert_eq!(second, first);
-    browser.click("#take");
-    browser.wait(&holder("this page controls"));
-    let number = bench.get("/api/live")["control"].as_u64().unwrap();
-    browser.to_window(&first);
-    browser.wait(&holder(&format!("page {number} controls")));
+    browser.wait(&holder("nobody controls"));
+    let names = "[...document.querySelectorAll('#here-list li')].map((one) => one.textContent).join(', ')";
+    browser.wait(&format!("{names} === '{name}, {name} (2)'"));
 }

@@ -7,6 +7,7 @@ mod attack;
 mod board;
 mod browser;
 mod diagnosis;
+mod guests;
 mod history;
 mod hostile;
 mod http;

@@ -55,7 +55,7 @@ fn only_the_page_in_control_moves_the_arm() {
     first.upload(&bench.table(&["000010000000"], 0.2));
     let taken = bench.post("/api/control", &[], &json!({"do": "take"}));
     assert_eq!((taken.status, taken.json()["refused"]["kind"].as_str()), (409, Some("control")));
-    assert_eq!(bench.get("/api/live")["control"], first.number, "both pages see who controls");
+    assert_eq!(bench.get("/api/live")["control"]["page"], first.number, "both pages see who controls");
     let forged = bench.post("/api/command", &["x-darm-control: 0123456789abcdef"], &word);
     assert_eq!(forged.status, 409);
     let moved = first.command(&word);
@@ -79,7 +79,7 @@ fn a_page_that_has_gone_loses_control() {
     thread::sleep(LEASE);
     let other = bench.page_in_control();
     assert_eq!(gone.control("renew").status, 409);
-    assert_eq!(bench.get("/api/live")["control"], other.number);
+    assert_eq!(bench.get("/api/live")["control"]["page"], other.number);
 }
 
 #[test]
@@ -145,7 +145,7 @@ fn outputs_that_were_switched_by_hand_stay_on_while_their_tab_changes_its_page()
         assert_eq!(page.command(&word).status, 409, "the page before has no key any more");
         page = next;
     }
-    assert_eq!((page.number, bench.get("/api/live")["control"].as_u64()), (number, Some(number)));
+    assert_eq!((page.number, bench.get("/api/live")["control"]["page"].as_u64()), (number, Some(number)));
     bench.phase("manual");
     assert_ne!(bench.pins().0, 0);
     assert_eq!(page.command(&json!({"do": "word", "word": "000000000000"})).status, 200);

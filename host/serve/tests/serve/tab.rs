@@ -22,11 +22,11 @@ fn a_tab_keeps_control_from_page_to_page_and_its_end_switches_off_what_was_set_b
     browser.wait(CONTROLS);
     browser.click("#outputs tr:nth-child(5) button:last-of-type");
     bench.phase("manual");
-    let holder = bench.get("/api/live")["control"].clone();
+    let holder = bench.get("/api/live")["control"]["page"].clone();
     let still = |how: &str| {
         browser.wait(CONTROLS);
         let live = bench.phase("manual");
-        assert_eq!((&live["control"], bench.pins().0 != 0), (&holder, true), "{how}");
+        assert_eq!((&live["control"]["page"], bench.pins().0 != 0), (&holder, true), "{how}");
     };
     for path in ["/program", "/reach", "/diagnosis", "/history"] {
         browser.click(&format!("nav a[href=\"{path}\"]"));
@@ -47,7 +47,7 @@ fn a_tab_keeps_control_from_page_to_page_and_its_end_switches_off_what_was_set_b
     // Who comes back later does not get what another person may have taken.
     browser.open(&address);
     browser.wait(
-        "document.body.dataset.link === 'live' && document.querySelector('#holder').textContent === 'no page controls'",
+        "document.body.dataset.link === 'live' && document.querySelector('#holder').textContent === 'nobody controls'",
     );
     browser.wait("sessionStorage.getItem('darm-control-key') === null");
 }

@@ -79,11 +79,16 @@ impl Browser {
 
     /// Opens another window and goes there; the handle of the one before.
     pub(crate) fn other_window(&self, url: &str) -> String {
-        let before = self.send("GET", "/window", &Value::Null);
+        let before = self.window();
         let new = self.send("POST", "/window/new", &json!({"type": "window"}));
         self.to_window(new["handle"].as_str().unwrap());
         self.open(url);
-        before.as_str().unwrap().to_owned()
+        before
+    }
+
+    /// The handle of this window.
+    pub(crate) fn window(&self) -> String {
+        self.send("GET", "/window", &Value::Null).as_str().unwrap().to_owned()
     }
 
     pub(crate) fn to_window(&self, handle: &str) {
