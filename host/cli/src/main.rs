@@ -5,6 +5,7 @@ mod console;
 mod failure;
 mod finite;
 mod firmware_image;
+mod guests;
 mod interrupt;
 mod interrupted;
 mod number_text;

@@ -2,12 +2,15 @@
 
 use std::os::unix::fs::FileTypeExt as _;
 use std::os::unix::net::UnixStream;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use darm_device::client::Client;
+use darm_device::client::sharing::{attach, is_shared};
 use darm_device::client::stop::{Confirmation, StopHandle, hold, holder_process, is_in_use, stop_at};
 use darm_device::link::{self, Link, LinkError};
 
+use crate::guests::{CommandRights, Role};
 use crate::state_folder;
 
 /// Time for a process that ends to let go of its port.
@@ -60,18 +63,40 @@ impl PortArgs {
         }
     }
 
-    /// Connects to the board at the port.
+    /// Connects to the board at the port, to change something.
     pub(crate) fn connect(&self) -> anyhow::Result<Client> {
-        Ok(Client::connect(open_free(&self.name()?)?.0)?)
+        Ok(connect(&self.name()?, Role::Controls)?.0)
+    }
+
+    /// Connects to the board at the port, to read.
+    pub(crate) fn watch(&self) -> anyhow::Result<Client> {
+        Ok(connect(&self.name()?, Role::Watches)?.0)
     }
 }
 
-/// Opens a port; other processes can send a stop through this one.
-pub(crate) fn open(name: &str) -> Result<(Box<dyn Link>, StopHandle), LinkError> {
-    Ok(hold(link::open(name)?, state_folder::stop_socket(name).as_deref()))
+/// Connects to the board at a port; commands that come later are guests of this one.
+pub(crate) fn connect(name: &str, role: Role) -> anyhow::Result<(Client, StopHandle)> {
+    let (link, handle) = open_free(name)?;
+    let client = Client::connect(link)?;
+    share(&client, &handle, role);
+    Ok((client, handle))
 }
 
-/// Opens a port that no other process holds: a second program that waited for the first would move the arm when nobody
+/// Lets commands that come later use the port of this client.
+pub(crate) fn share(client: &Client, handle: &StopHandle, role: Role) {
+    client.share(handle, Arc::new(CommandRights::new(role, own_name())));
+}
+
+/// Opens a port, or attaches to the process that has it and shares it; other processes can send a stop through this one.
+pub(crate) fn open(name: &str) -> Result<(Box<dyn Link>, StopHandle), LinkError> {
+    let socket = state_folder::stop_socket(name);
+    match socket.as_deref().and_then(|socket| attach(name, socket, &own_name())) {
+        Some(attached) => Ok(attached),
+        None => Ok(hold(link::open(name)?, socket.as_deref())),
+    }
+}
+
+/// The same of a port that no other process has for itself: a second program that waited for the first would move the arm when nobody
 /// expects it.
 pub(crate) fn open_free(name: &str) -> anyhow::Result<(Box<dyn Link>, StopHandle)> {
     let since = Instant::now();
@@ -84,7 +109,7 @@ pub(crate) fn open_free(name: &str) -> anyhow::Result<(Box<dyn Link>, StopHandle
     Ok(open(name)?)
 }
 
-/// Opens a port that no other process holds, now or not at all.
+/// The same, now or not at all.
 pub(crate) fn open_at_once(name: &str) -> Result<(Box<dyn Link>, StopHandle), LinkError> {
     match holder(name) {
         Some(holder) => Err(LinkError::InUse { port: name.to_owned(), holder }),
@@ -97,14 +122,21 @@ pub(crate) fn stop(name: &str) -> Result<Confirmation, LinkError> {
     stop_at(name, state_folder::stop_socket(name))
 }
 
-/// What holds a port, for people: the command of another `darm`; `None` where no other `darm` does.
+/// What has a port for itself, for people: the command of another `darm`; `None` where no other `darm` does, or it shares the port.
 pub(crate) fn holder(name: &str) -> Option<String> {
-    let socket = state_folder::stop_socket(name).filter(|socket| is_in_use(socket))?;
-    let command = holder_process(&socket).and_then(|process| command_of(process).map(|command| (process, command)));
-    Some(match command {
-        Some((process, command)) => format!("`{command}` (process {process})"),
-        None => "another `darm`".to_owned(),
-    })
+    let socket = state_folder::stop_socket(name).filter(|socket| is_in_use(socket) && !is_shared(socket))?;
+    Some(holder_process(&socket).map_or_else(|| "another `darm`".to_owned(), name_of))
+}
+
+/// What this command is called where others see it.
+fn own_name() -> String {
+    name_of(std::process::id())
+}
+
+/// What a process is called, for people.
+fn name_of(process: u32) -> String {
+    command_of(process)
+        .map_or_else(|| format!("`darm` (process {process})"), |command| format!("`{command}` (process {process})"))
 }
 
 /// The command that a process was started with, without the folder of its program and what follows a secret.

@@ -12,6 +12,7 @@ use darm_device::bringup::{self, Outcome, Subject, correct};
 use darm_device::client::Client;
 
 use crate::failure::{Findings, Unfinished, Usage};
+use crate::guests::Role;
 use crate::interrupt::InterruptHandler;
 use crate::overwrite::OutputFile;
 use crate::port::PortArgs;
@@ -120,8 +121,7 @@ impl Bringup {
 
     fn bring_up(&self, wired: &WiredArm, subject: &Subject, actuators: &[usize]) -> anyhow::Result<Outcome> {
         let name = self.port.name()?;
-        let (link, handle) = port::open_free(&name)?;
-        let mut client = Client::connect(link)?;
+        let (mut client, handle) = port::connect(&name, Role::Controls)?;
         let profile = wired.profile.profile.digest;
         check_profile(&client, profile)?;
         let interrupt = InterruptHandler::start(&name, handle)?;

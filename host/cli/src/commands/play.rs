@@ -10,6 +10,7 @@ use serde::{Serialize, Serializer};
 
 use super::status::seconds;
 use crate::failure::{SafeState, Unfinished};
+use crate::guests::Role;
 use crate::interrupt::InterruptHandler;
 use crate::port::PortArgs;
 use crate::ui::{Answer, Ui};
@@ -100,8 +101,7 @@ impl Play {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         let table = self.table.as_deref().map(TableFile::read).transpose()?;
         let port = self.port.name()?;
-        let (link, handle) = port::open_free(&port)?;
-        let mut client = Client::connect(link)?;
+        let (mut client, handle) = port::connect(&port, Role::Controls)?;
         let rows = client.status()?.rows;
         let hello = client.say_hello()?;
         if let Some(table) = table {

@@ -21,6 +21,7 @@ use serde::Serialize;
 
 use super::play::{End, ProgramMonitor};
 use crate::failure::{SafeState, Unfinished};
+use crate::guests::Role;
 use crate::port::{PortArgs, emulated_camera};
 use crate::ui::{Answer, Ui};
 use crate::{interrupt, output_file, port};
@@ -159,8 +160,7 @@ impl Record {
         let (mut output, earlier) = self.open_output(ui)?;
         let camera = self.camera.clone().or_else(emulated_camera).ok_or(RecordError::NoCamera)?;
         let port = self.port.name()?;
-        let (link, handle) = port::open_free(&port)?;
-        let mut client = Client::connect(link)?;
+        let (mut client, handle) = port::connect(&port, Role::Controls)?;
         table.check_loaded(client.hello().and_then(|hello| hello.table))?;
         let camera = Camera::open(&camera)?;
         let interrupt = interrupt::InterruptHandler::start(&port, handle)?;

@@ -7,8 +7,8 @@ use darm_core::sequencer::{Event, Fault, Phase, ServoSeen};
 use darm_core::units::{Digest, Micros};
 use darm_core::wire::bootstrap::{CrashKind, CrashRecord};
 use darm_core::wire::health::{ChipOptions, FlashErrors, Health};
-use darm_core::wire::message::{self, OutputState};
-use darm_device::client::Client;
+use darm_core::wire::message::{self, OutputState, Refusal};
+use darm_device::client::{Client, ClientError};
 use serde::Serialize;
 
 use crate::failure::SafeState;
@@ -123,14 +123,17 @@ struct ServoReport {
 
 impl Status {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
-        let mut client = self.port.connect()?;
+        let mut client = self.port.watch()?;
         let Some(interval_s) = self.watch else { return self.show(&mut client, ui) };
         loop {
             if !ui.json && std::io::stdout().is_terminal() {
                 // The screen is cleared, the cursor goes to its begin.
                 print!("\x1b[2J\x1b[H");
             }
-            match self.show(&mut client, ui) {
+            // Another command may bring another table.
+            let shown = client.renew_hello().map_err(Into::into).and_then(|()| self.show(&mut client, ui));
+            match shown {
+                Err(error) if is_not_connected(&error) => drop(client.join()?),
                 Err(error) if !error.is::<SafeState>() => return Err(error),
                 // A safe state is shown, and may be cleared meanwhile.
                 Ok(()) | Err(_) => std::thread::sleep(Duration::from_secs_f64(interval_s)),
@@ -150,6 +153,11 @@ impl Status {
             _ => Ok(()),
         }
     }
+}
+
+/// Whether a stop has ended the connection.
+fn is_not_connected(error: &anyhow::Error) -> bool {
+    matches!(error.downcast_ref(), Some(ClientError::Refused(Refusal::NotConnected)))
 }
 
 fn report(client: &Client, status: &message::Status, outputs: &[OutputState], crash: Option<String>) -> Report {

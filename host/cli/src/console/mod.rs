@@ -21,6 +21,7 @@ use rustyline::history::DefaultHistory;
 use rustyline::{Config, Editor, ExternalPrinter as _};
 
 use crate::failure::{NoAnswer, Refused, Usage};
+use crate::guests::Role;
 use crate::ui::Ui;
 use crate::{failure, interrupt, port, state_folder};
 use board_state::Shared;
@@ -316,7 +317,10 @@ fn wrapped(text: &str, width: usize) -> Vec<String> {
 /// again, is typed to all the same.
 fn with_board(port: &str, link: Box<dyn Link>, handle: StopHandle) -> Result<(Port, StopHandle), LinkError> {
     match Client::connect(link) {
-        Ok(client) if client.hello().is_some() => Ok((Port::Board(Box::new(client)), handle)),
+        Ok(client) if client.hello().is_some() => {
+            port::share(&client, &handle, Role::Controls);
+            Ok((Port::Board(Box::new(client)), handle))
+        }
         Ok(_) | Err(_) => port::open(port).map(|(link, handle)| (Port::Text(link), handle)),
     }
 }

@@ -15,6 +15,7 @@ mod examples;
 mod file_errors;
 mod files;
 mod formats;
+mod guests;
 mod hostile;
 mod import;
 mod limits;

@@ -215,33 +215,27 @@ fn a_program_that_a_killed_command_leaves_is_ended_by_a_stop() {
 }
 
 #[test]
-fn a_second_command_does_not_wait_to_move_the_arm() {
+fn a_second_command_reads_beside_the_first_and_does_not_wait_to_move_the_arm() {
     let home = Home::new();
     let board = long_program(&home);
     let first = playing(&home, &format!("play {}", board.port));
-    for line in ["play", "status", "record long.darm -o run.csv"] {
+    for line in ["play", "upload long.darm", "record long.darm -o run.csv"] {
         let (refused, took) = timed(&home, &format!("{line} {}", board.port));
-        assert_eq!(refused.status.code(), Some(4), "{line}: {}", text(&refused.stderr));
         let said = text(&refused.stderr);
-        let named = format!(" is in use by `darm play {}` (process {}); end it first", board.port, first.id());
+        assert_eq!(refused.status.code(), Some(3), "{line}: {said}");
+        let named = format!(
+            "nothing was sent: `darm play {}` (process {}) controls the arm; end it first",
+            board.port,
+            first.id()
+        );
         assert!(said.contains(&named), "{said}");
         assert!(took < 2 * BOUND, "{line}: {took:?}");
+        assert_eq!(home.json(&format!("status {}", board.port))["phase"], "playing", "{line} has not stopped it");
     }
-    doctor_names_who_holds_the_port(&home, &board.port);
+    home.succeeds(&format!("doctor {}", board.port));
     home.succeeds(&format!("stop {}", board.port));
     first.wait_with_output().unwrap();
     assert_eq!(home.json(&format!("status {}", board.port))["phase"], "idle");
-}
-
-/// A board that another program uses is neither wrong nor waited for.
-fn doctor_names_who_holds_the_port(home: &Home, port: &str) {
-    let (doctor, took) = timed(home, &format!("--json doctor {port}"));
-    let report: serde_json::Value = serde_json::from_slice(&doctor.stdout).unwrap();
-    let board = report["checks"].as_array().unwrap().iter().find(|check| check["name"] == "board").unwrap();
-    assert_eq!(board["state"], "in-use", "{board}");
-    assert!(board["found"].as_str().unwrap().contains("is in use by `darm play "), "{board}");
-    assert_eq!(doctor.status.code(), Some(0), "{report}");
-    assert!(took < 2 * BOUND, "{took:?}");
 }
 
 /// A process that does not answer holds the port, as far as can be seen: the frame goes to the port itself.

@@ -17,6 +17,7 @@ use super::CalibrateError;
 use super::folder::Folder;
 use crate::commands::record::Measurement;
 use crate::failure::Occupied;
+use crate::guests::Role;
 use crate::interrupt::InterruptHandler;
 use crate::port::{self, PortArgs, emulated_camera};
 use crate::ui::Ui;
@@ -70,8 +71,7 @@ impl Board<'_> {
     /// Connects, and has Ctrl-C stop this board from now on.
     fn connect(&mut self) -> anyhow::Result<(Client, InterruptHandler)> {
         let port = self.port.name()?;
-        let (link, handle) = port::open_free(&port)?;
-        let client = Client::connect(link)?;
+        let (client, handle) = port::connect(&port, Role::Controls)?;
         let interrupt = match self.interrupt.take() {
             Some(interrupt) => {
                 interrupt.use_handle(handle);

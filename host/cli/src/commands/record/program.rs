@@ -10,6 +10,7 @@ use serde::Serialize;
 
 use super::RecordError;
 use crate::commands::play::ProgramMonitor;
+use crate::guests::Role;
 use crate::ui::Ui;
 use crate::{interrupt, port};
 
@@ -138,6 +139,7 @@ impl Program {
 
     fn reconnect(&mut self) -> anyhow::Result<()> {
         let (link, handle) = port::open(self.client.port())?;
+        port::share(&self.client, &handle, Role::Controls);
         self.interrupt.use_handle(handle);
         let replugged = self.client.replug(link);
         if replugged.is_err() {
