@@ -11,7 +11,6 @@ use super::error::{AnswerError, ClientError, TransportError};
 use super::question;
 use super::reader::{Piece, Reader};
 use super::retry_timer::RetryTimer;
-use super::sharing::{self, DENIED};
 use crate::link::Link;
 
 /// Without an answer for this time the board is not there.
@@ -83,6 +82,9 @@ pub(super) struct Exchanged {
 pub(super) type OnText = Box<dyn FnMut(&[u8]) + Send>;
 /// The same for a guest; false when it has gone.
 pub(super) type OnGuestText = Box<dyn FnMut(&[u8]) -> bool + Send>;
+
+/// Tag of the answer to a request that a guest of the port has no right to; its payload is a sentence. No board sends it.
+pub(super) const DENIED: u8 = 0xF0;
 
 /// Counts the stops that were sent past the line.
 pub(super) type CountStops = Box<dyn Fn() -> u64 + Send>;
@@ -320,7 +322,7 @@ impl Exchange {
             let denied = Header { tag: DENIED, ..answered };
             if let Some((header, arrival)) = self.next_arrival(end_s, |header| [answered, denied].contains(header))? {
                 if header == denied {
-                    return Err(ClientError::Denied(sharing::reason(&arrival.payload)));
+                    return Err(ClientError::Denied(String::from_utf8_lossy(&arrival.payload).into_owned()));
                 }
                 // Which of several requests an answer belongs to cannot be decided (RFC 6298, section 3).
                 if attempts == 1 {

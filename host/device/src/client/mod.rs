@@ -206,7 +206,7 @@ impl Client {
     /// Lets programs that come later use the port as guests, with these rights, for as long as this client has it; `handle` is that
     /// of [`stop::hold`].
     pub fn share(&self, handle: &StopHandle, rights: Arc<dyn Rights>) {
-        handle.share(&self.line, rights);
+        sharing::share(&self.line, handle, rights);
     }
 
     /// The host's time on this link.
@@ -397,7 +397,7 @@ impl Client {
     fn ask_anyhow<T>(&mut self, question: &Question<'_, T>) -> Result<T, ClientError> {
         let exchanged = {
             let mut exchange = self.exchange();
-            if sharing::is_change(&question.request) && exchange.connection() != self.connection {
+            if question::is_change(&question.request) && exchange.connection() != self.connection {
                 return Err(ClientError::Refused(Refusal::NotConnected));
             }
             exchange.ask(&question.request)

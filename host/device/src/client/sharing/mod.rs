@@ -16,9 +16,9 @@
 //! - **Reading** is free for everybody. What changes something needs control, which one program or page has: [`Rights`] decides. A list
 //!   names the requests and the typed lines that read; whatever else comes is taken for a change.
 //! - **A stop** of anybody needs no control and waits for nothing. It ends the connection of everybody: whoever says `Hello` first
-//!   opens another one, and the others are told that theirs has ended. A guest changes something only on the connection, and with the
+//!   opens another one, and the others learn that theirs has ended. A guest changes something only on the connection, and with the
 //!   stored table, that its own last `Hello` has seen.
-//! - A guest that is not allowed to change something is answered by the holder with [`DENIED`] and a sentence.
+//! - A guest that is not allowed to change something is answered by the holder with a sentence ([`ClientError::Denied`](super::ClientError::Denied)).
 //!
 //! The way to attach is one line each: `attach NAME`, with the command for people; `attached`, or `alone` where the holder does not
 //! share.
@@ -27,15 +27,11 @@ mod guest;
 mod session;
 
 use std::sync::{Arc, Weak};
-
-use darm_core::wire::message::Request;
+use std::thread;
 
 use super::line::Line;
+use super::stop::{StopHandle, socket};
 pub use guest::{attach, is_shared};
-pub(super) use session::serve;
-
-/// Tag of the holder's answer to a request that the guest has no right to; its payload is a sentence. No board sends it.
-pub(super) const DENIED: u8 = 0xF0;
 
 /// A program that uses the port of another.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -44,6 +40,8 @@ pub struct Guest {
     pub key: u64,
     /// What people call it: its command.
     pub name: String,
+    /// Number of its process, where the system says it.
+    pub process: Option<u32>,
 }
 
 /// Who may do what at a shared port. The functions are called by a thread of each guest.
@@ -65,38 +63,24 @@ pub trait Rights: Send + Sync {
     fn leave(&self, guest: &Guest);
 }
 
-/// What the port of a process gives to guests.
+/// What a session of a guest uses.
 #[derive(Clone)]
-pub(super) struct Sharing {
+struct Sharing {
     /// Ends with the client.
-    pub(super) line: Weak<Line>,
-    pub(super) rights: Arc<dyn Rights>,
+    line: Weak<Line>,
+    rights: Arc<dyn Rights>,
+    handle: StopHandle,
 }
 
-/// Whether a request changes something on the board, or may.
-pub(super) fn is_change(request: &Request<'_>) -> bool {
-    match request {
-        Request::Hello { .. }
-        | Request::Status
-        | Request::Events { .. }
-        | Request::Calibration
-        | Request::Nearest(_)
-        | Request::Outputs { .. }
-        | Request::Health
-        | Request::PastEvents { .. }
-        | Request::PastCrash { .. }
-        | Request::Inputs { .. } => false,
-        Request::Begin(_)
-        | Request::Chunk { .. }
-        | Request::Commit(_)
-        | Request::Command(_)
-        | Request::Calibrate(_) => true,
-    }
-}
-
-/// The sentence of a [`DENIED`] answer.
-pub(super) fn reason(payload: &[u8]) -> String {
-    String::from_utf8_lossy(payload).into_owned()
+/// Gives the line to guests that come to the socket of the port from now on.
+pub(super) fn share(line: &Arc<Line>, handle: &StopHandle, rights: Arc<dyn Rights>) {
+    let (sharing, counted) = (Sharing { line: Arc::downgrade(line), rights, handle: handle.clone() }, handle.clone());
+    line.take().count_stops_by(Box::new(move || counted.stops()));
+    handle.welcome_guests(Arc::new(move |stream, name| {
+        let guest = Guest { key: rand::random(), name, process: socket::process_of(&stream) };
+        let sharing = sharing.clone();
+        thread::spawn(move || session::serve(stream, guest, sharing));
+    }));
 }
 
 #[cfg(test)]

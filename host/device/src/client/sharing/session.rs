@@ -17,9 +17,9 @@ use darm_core::wire::bootstrap::{ANSWER, Request as Bootstrap, Servos, Stopped};
 use darm_core::wire::frame::{Header, MAX_PAYLOAD};
 use darm_core::wire::message::{self, REPLY, REQUEST, Refusal, Reply, Request};
 
-use super::{DENIED, Guest, Sharing, is_change};
-use crate::client::exchange::{COMMAND_PATIENCE_S, Exchange, encode, refusal};
-use crate::client::question;
+use super::{Guest, Sharing};
+use crate::client::exchange::{COMMAND_PATIENCE_S, DENIED, Exchange, encode, refusal};
+use crate::client::question::{self, is_change};
 use crate::client::reader::{Piece, Reader};
 use crate::client::stop::{Confirmation, StopHandle};
 use crate::client::{ClientError, NO_TIME, TransportError};
@@ -56,18 +56,18 @@ enum Job {
 }
 
 /// Serves a guest until it goes, or the holder's client.
-pub(in crate::client) fn serve(stream: UnixStream, guest: Guest, sharing: Sharing, handle: StopHandle) {
+pub(super) fn serve(stream: UnixStream, guest: Guest, sharing: Sharing) {
     let Ok(writer) = stream.try_clone() else { return };
     if writer.set_write_timeout(Some(WRITE)).and_then(|()| stream.set_read_timeout(None)).is_err() {
         return;
     }
-    let (jobs, to_do) = sync_channel(WAITING);
+    let (handle, (jobs, to_do)) = (sharing.handle.clone(), sync_channel(WAITING));
     let stops = Arc::new(AtomicU64::new(0));
     let writer = Arc::new(Mutex::new(writer));
     let mut worker = Worker {
         guest,
-        sharing,
         handle: handle.clone(),
+        sharing,
         stops: Arc::clone(&stops),
         writer: Arc::clone(&writer),
         hello: None,
@@ -195,7 +195,7 @@ impl Worker {
         let mut stayed = Instant::now();
         while self.sharing.line.strong_count() > 0 {
             let listens = Instant::now() < self.listen_until;
-            let goes_on = match to_do.recv_timeout(if listens { LISTEN.0 } else { STAY }) {
+            let continues = match to_do.recv_timeout(if listens { LISTEN.0 } else { STAY }) {
                 Ok(Job::Frame(header, payload, stops)) => self.take_frame(header, &payload, stops),
                 Ok(Job::Line(line, stops, typed)) => self.take_line(&line, stops, typed),
                 Ok(Job::Text(text)) => write(&self.writer, &text),
@@ -203,7 +203,7 @@ impl Worker {
                 Err(RecvTimeoutError::Timeout) if listens => self.with_line(|line| line.listen(LISTEN.1)).is_ok(),
                 Err(RecvTimeoutError::Timeout) => true,
             };
-            if !goes_on {
+            if !continues {
                 return;
             }
             if stayed.elapsed() > STAY {
@@ -233,7 +233,7 @@ impl Worker {
         })
     }
 
-    /// Whether the session goes on.
+    /// Whether the session continues.
     fn take_frame(&mut self, header: Header, payload: &[u8], stops: u64) -> bool {
         if let Some((asked, request, answer, reply)) = &self.answered
             && (*asked, request.as_slice()) == (header, payload)
@@ -254,9 +254,9 @@ impl Worker {
             Err(_) => return true,
         };
         let answer = Header { tag, ..header };
-        let goes_on = write_frame(&self.writer, answer, &reply);
+        let continues = write_frame(&self.writer, answer, &reply);
         self.answered = Some((header, payload.to_vec(), answer, reply));
-        goes_on
+        continues
     }
 
     fn bootstrap(&self, request: Bootstrap, stops: u64) -> Result<Vec<u8>, ClientError> {
@@ -312,7 +312,7 @@ impl Worker {
         Ok(reply)
     }
 
-    /// Whether the session goes on.
+    /// Whether the session continues.
     fn take_line(&mut self, line: &str, stops: u64, typed: Instant) -> bool {
         self.listen_until = Instant::now() + ANSWER_OF_LINE;
         match self.type_line(line, stops, typed) {

@@ -1,6 +1,7 @@
 //! A port that one thread reads and writes as usual, while any other may send the stop past it.
 
 use std::collections::VecDeque;
+use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, TryLockError, Weak};
@@ -12,9 +13,7 @@ use darm_core::wire::frame::Header;
 use super::socket::Serving;
 use super::{Confirmation, REPEAT, socket, stop_at, stop_frame};
 use crate::client::ClientError;
-use crate::client::line::Line as ClientLine;
 use crate::client::reader::{Piece, Reader};
-use crate::client::sharing::{Rights, Sharing};
 use crate::clock::host_now_s;
 use crate::link::{Link, LinkError, Urgent};
 
@@ -33,12 +32,15 @@ pub fn hold(link: Box<dyn Link>, socket: Option<&Path>) -> (Box<dyn Link>, StopH
         heard: Mutex::default(),
         confirmed: Condvar::new(),
         stops: AtomicU64::new(0),
-        sharing: Mutex::default(),
+        guests: Mutex::default(),
     });
     let handle = StopHandle { port: name.clone(), way: Way::Port(Arc::downgrade(&shared)) };
     let serving = socket.and_then(|socket| socket::serve(socket, handle.clone()));
     (Box::new(SharedPort { shared, name, _serving: serving }), handle)
 }
+
+/// Serves a program that has attached, with its name, and returns at once.
+pub(in crate::client) type WelcomeGuest = Arc<dyn Fn(UnixStream, String) + Send + Sync>;
 
 /// The port as its user sees it.
 struct SharedPort {
@@ -55,8 +57,8 @@ struct Shared {
     confirmed: Condvar,
     /// Number of stops so far.
     stops: AtomicU64,
-    /// What guests are given, once the client shares the port.
-    sharing: Mutex<Option<Sharing>>,
+    /// What serves programs that attach, once the client shares the port.
+    guests: Mutex<Option<WelcomeGuest>>,
 }
 
 struct Line {
@@ -213,18 +215,16 @@ impl StopHandle {
         LinkError::Closed { port: self.port.clone() }.into()
     }
 
-    /// Lets guests use the line from now on. A guest itself shares nothing.
-    pub(in crate::client) fn share(&self, line: &Arc<ClientLine>, rights: Arc<dyn Rights>) {
+    /// Hands programs that attach to the socket of the port to this function from now on. A guest of another process has none.
+    pub(in crate::client) fn welcome_guests(&self, welcome: WelcomeGuest) {
         if let Some(shared) = self.shared() {
-            let handle = self.clone();
-            line.take().count_stops_by(Box::new(move || handle.stops()));
-            *lock(&shared.sharing) = Some(Sharing { line: Arc::downgrade(line), rights });
+            *lock(&shared.guests) = Some(welcome);
         }
     }
 
-    /// What guests are given.
-    pub(super) fn sharing(&self) -> Option<Sharing> {
-        lock(&self.shared()?.sharing).clone().filter(|sharing| sharing.line.strong_count() > 0)
+    /// What serves programs that attach.
+    pub(super) fn guests(&self) -> Option<WelcomeGuest> {
+        lock(&self.shared()?.guests).clone()
     }
 
     fn shared(&self) -> Option<Arc<Shared>> {

@@ -17,7 +17,6 @@ use std::thread;
 use std::time::Duration;
 
 use super::{Confirmation, HOLDER_BOUND, StopHandle};
-use crate::client::sharing::{self, Guest};
 
 /// A requested stop takes at most this long, so that the answer arrives in the asker's time.
 const HOLDER_WORK: Duration = Duration::from_millis(350);
@@ -70,8 +69,12 @@ pub(super) fn is_served(socket: &Path) -> bool {
 
 /// Number of the process that serves at `socket`; `None` if there is none, or the system does not say.
 pub(super) fn served_by(socket: &Path) -> Option<u32> {
-    let holder = UnixStream::connect(socket).ok()?;
-    let credentials = rustix::net::sockopt::socket_peercred(&holder).ok()?;
+    process_of(&UnixStream::connect(socket).ok()?)
+}
+
+/// Number of the process at the other end; `None` where the system does not say.
+pub(in crate::client) fn process_of(other: &UnixStream) -> Option<u32> {
+    let credentials = rustix::net::sockopt::socket_peercred(other).ok()?;
     u32::try_from(credentials.pid.as_raw_nonzero().get()).ok()
 }
 
@@ -83,7 +86,7 @@ fn answer(mut asker: UnixStream, handle: &StopHandle) -> std::io::Result<()> {
         return attach(asker, name, handle);
     }
     if wanted == "shared?" {
-        return asker.write_all(if handle.sharing().is_some() { b"shared\n" } else { b"alone\n" });
+        return asker.write_all(if handle.guests().is_some() { b"shared\n" } else { b"alone\n" });
     }
     if wanted != "stop" {
         return Ok(());
@@ -97,16 +100,13 @@ fn answer(mut asker: UnixStream, handle: &StopHandle) -> std::io::Result<()> {
     asker.write_all(said)
 }
 
-/// Makes the asker a guest, in a thread of its own.
+/// Makes the asker a guest.
 fn attach(mut asker: UnixStream, name: &str, handle: &StopHandle) -> std::io::Result<()> {
-    let Some(sharing) = handle.sharing().filter(|_| is_of_this_user(&asker)) else {
+    let Some(welcome) = handle.guests().filter(|_| is_of_this_user(&asker)) else {
         return asker.write_all(b"alone\n");
     };
     asker.write_all(b"attached\n")?;
-    let name = name.chars().filter(|c| !c.is_control()).collect();
-    let guest = Guest { key: rand::random(), name };
-    let handle = handle.clone();
-    thread::spawn(move || sharing::serve(asker, guest, sharing, handle));
+    welcome(asker, name.chars().filter(|c| !c.is_control()).collect());
     Ok(())
 }
 
