@@ -60,7 +60,7 @@ mod tests {
 
     #[test]
     fn one_guest_at_a_time_changes_something_and_none_while_the_command_does() {
-        let guest = |key, name: &str| Guest { key, name: name.to_owned() };
+        let guest = |key, name: &str| Guest { key, name: name.to_owned(), process: None };
         let (play, table) = (guest(1, "`darm play`"), guest(2, "`darm upload`"));
         let rights = CommandRights::new(Role::Watches, "`darm status --watch`".to_owned());
         assert_eq!([(); 2].map(|()| rights.take_control(&play)), [Ok(()), Ok(())]);

@@ -1,6 +1,6 @@
 // The page of the diagnosis: sends model and measurements, shows how far the diagnosis is, then the report.
 
-import { get, post } from './server.js';
+import { get, getBytes, post } from './server.js';
 import { follow } from './frame.js';
 import { byId, make, modelName, save, setText, short, titleCells } from './format.js';
 import { Columns } from './columns.js';
@@ -55,6 +55,7 @@ function sort(files) {
   }
   if (model) byId('known').value = '';
   if (data.length) {
+    byId('recordings').value = '';
     assign('data', data.slice(0, 1));
     columns.look(data[0]);
   }
@@ -67,7 +68,40 @@ byId('known').addEventListener('change', () => {
   if (byId('known').value) assign('model', []);
   showFiles();
 });
-byId('data').addEventListener('change', () => columns.look(byId('data').files[0] ?? null));
+byId('data').addEventListener('change', () => {
+  byId('recordings').value = '';
+  columns.look(byId('data').files[0] ?? null);
+});
+
+// Measurements that pages of this server have recorded. The page Program names one in the address.
+async function showRecordings() {
+  const files = await get('/api/data');
+  const select = byId('recordings');
+  select.hidden = files.length === 0;
+  select.replaceChildren(select.options[0], ...files.map((file) => make('option', { value: file.name },
+    `${file.name}, ${new Date(file.at_ms).toLocaleString('sv')}`)));
+  const wanted = new URLSearchParams(location.search).get('data');
+  if (!files.some((file) => file.name === wanted)) return;
+  select.value = wanted;
+  await takeRecording();
+}
+
+async function takeRecording() {
+  const name = byId('recordings').value;
+  if (!name) return;
+  try {
+    const file = new File([await getBytes(`/api/data/${encodeURIComponent(name)}`)], name, { type: 'text/csv' });
+    assign('data', [file]);
+    columns.look(file);
+  } catch (error) {
+    byId('recordings').value = '';
+    showFailure(error.message);
+  }
+  showFiles();
+}
+
+byId('recordings').addEventListener('change', takeRecording);
+showRecordings().catch(() => {});
 for (const id of INPUTS) byId(id).addEventListener('change', showFiles);
 // A file that is dropped beside the field would replace the page.
 for (const type of ['dragover', 'drop']) window.addEventListener(type, (event) => event.preventDefault());

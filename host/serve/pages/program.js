@@ -1,4 +1,4 @@
-// The page of the program: opens a table, shows when each output is on and what is refused, uploads and plays it.
+// The page of the program: opens or makes a table, shows when each output is on and what is refused, uploads, plays and records it.
 
 import { get, getBytes, post } from './server.js';
 import { follow, hasControl, onLive, order, showAlert } from './frame.js';
@@ -83,8 +83,9 @@ function showOrigin() {
   const origin = program?.origin ?? null;
   byId('origin').hidden = !origin;
   if (!origin) return;
-  setText(byId('origin-text'), `Made with model ${origin.model} after the diagnosis of ${origin.diagnosed}: ${origin.n_visits} visits in ${seconds(program.end_s)}. `
-    + 'Upload and play it here to see it, or measure it: save both files, end darm serve, which has the port, and run');
+  const after = origin.diagnosed ? ` after the diagnosis of ${origin.diagnosed}` : '';
+  setText(byId('origin-text'), `Made with model ${origin.model}${after}: ${origin.n_visits} visits in ${seconds(program.end_s)}. `
+    + 'Upload it, then play it, or record it below. In a terminal, with both files saved:');
   setText(byId('origin-command'), `darm upload ${program.name} && darm record ${program.name} -o run-${origin.model}.csv`);
 }
 
@@ -95,6 +96,81 @@ async function saveFile(part, name, type) {
   } catch (error) {
     showAlert(error.message);
   }
+}
+
+// ---------------------------------------------------------------- make a table
+
+// The order of the rows is the order of the lines; what is not a word is refused with its text.
+async function makeTable(request) {
+  showAlert(null);
+  setText(byId('make-note'), 'Planning …');
+  try {
+    const made = await post('/api/plan', request, { timeoutMs: 120_000 });
+    setText(byId('make-note'), `${made.name}: ${made.n_visits} visits, opened above.`);
+  } catch (error) {
+    setText(byId('make-note'), `No table: ${error.message}`);
+  }
+}
+
+byId('make-plan').addEventListener('click', () => makeTable({ of: 'plan' }));
+byId('make-words').addEventListener('click', () => {
+  const words = byId('words').value.split('\n').map((line) => line.trim()).filter(Boolean);
+  const dwell = byId('dwell').value;
+  makeTable({ of: 'words', words, dwell_s: dwell === '' ? null : Number(dwell) });
+});
+
+// ---------------------------------------------------------------- record
+
+let namesTaken = [];
+
+async function fetchTaken() {
+  try {
+    namesTaken = (await get('/api/data')).map((file) => file.name);
+    if (!byId('record-name').value) byId('record-name').value = freeName();
+  } catch {
+    // The server refuses a name that is taken.
+  }
+}
+
+// The first run-N that is free.
+function freeName() {
+  let number = 1;
+  while (namesTaken.includes(`run-${number}.csv`)) number += 1;
+  return `run-${number}`;
+}
+
+byId('record').addEventListener('click', async () => {
+  setText(byId('record-result'), '');
+  await order('/api/record', { table: program.digest, name: byId('record-name').value });
+});
+
+let wasRecording = false;
+function showRecording(isLoaded) {
+  const { recordings, board } = live;
+  byId('no-data').hidden = Boolean(recordings);
+  byId('record-here').hidden = !recordings;
+  byId('record-section').hidden = !program?.digest;
+  if (!recordings) return;
+  const { last } = recordings;
+  const isRunning = Boolean(last?.is_running);
+  const why = !program?.origin ? 'A table that was opened as a file has no visit file: record it with darm record.'
+    : !isLoaded ? 'Upload the table first.' : !hasControl() ? 'Take control to record.' : '';
+  setText(byId('record-note'), isRunning ? '' : why);
+  byId('record').disabled = Boolean(why) || isRunning || live.link.state !== 'live' || !byId('record-name').checkValidity();
+  byId('record-progress').hidden = !isRunning;
+  if (isRunning && program) {
+    const since = board?.phase.name === 'playing' ? board.phase.since_s : 0;
+    byId('recorded').value = Math.min(since / program.end_s, 1);
+    setText(byId('record-left'), ` ${last.name}: ${Math.max(program.end_s - since, 0).toFixed(0)} s left`);
+  }
+  if (wasRecording && !isRunning) fetchTaken().then(() => { byId('record-name').value = freeName(); });
+  wasRecording = isRunning;
+  const result = byId('record-result');
+  const key = JSON.stringify(last);
+  if (isRunning || !last || result.dataset.key === key) return;
+  result.dataset.key = key;
+  const link = make('a', { href: `/diagnosis?data=${encodeURIComponent(last.name)}` }, 'Diagnose it');
+  result.replaceChildren(`${last.name}: ${last.text}. `, ...(last.is_complete ? [link] : []));
 }
 
 byId('save-table').addEventListener('click', () => saveFile('table', program.name, 'application/octet-stream'));
@@ -145,6 +221,7 @@ function show(now) {
   const loaded = isLoaded ? 'The board has this table.' : `The board has ${board?.table ? `table ${short(board.table)}` : 'no table'}.`;
   const need = hasControl() ? '' : ' Take control to upload and play.';
   setText(byId('table-note'), board ? loaded + need : '');
+  showRecording(Boolean(isLoaded));
   byId('upload-progress').hidden = !upload;
   if (upload) byId('progress').value = upload.total ? upload.done / upload.total : 0;
   if (!board) return;
@@ -155,7 +232,9 @@ function show(now) {
 // Names of the actuators; without an arm there are none.
 async function fetchNames() {
   try {
-    names = (await get('/api/arm'))?.actuators.map((actuator) => actuator.name) ?? [];
+    const arm = await get('/api/arm');
+    byId('make-section').hidden = !arm;
+    names = arm?.actuators.map((actuator) => actuator.name) ?? [];
     if (program) showProgram(program.refusal);
   } catch {
     setTimeout(fetchNames, 500);
@@ -164,5 +243,6 @@ async function fetchNames() {
 
 onLive(show);
 fetchNames();
+fetchTaken();
 window.addEventListener('resize', () => program && showProgram(program.refusal));
 follow();

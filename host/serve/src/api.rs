@@ -196,7 +196,7 @@ pub(crate) enum ControlRequest {
     Resume,
     Release,
     Leave,
-    /// The page with control is asked for it: what is granted is valid once it hands it over.
+    /// Asks the page with control for it: what is granted is valid once it hands it over.
     Ask {
         /// As of `Take`.
         page: Option<u32>,
@@ -276,7 +276,7 @@ pub(crate) fn has_control(hub: &Hub, headers: &HeaderMap) -> bool {
 }
 
 /// The key that the page shows.
-fn key(headers: &HeaderMap) -> Result<u64, Refused> {
+pub(crate) fn key(headers: &HeaderMap) -> Result<u64, Refused> {
     let shown = headers.get("x-darm-control").and_then(|value| value.to_str().ok());
     let key = shown.and_then(|text| u64::from_str_radix(text, 16).ok());
     key.ok_or_else(|| Refused::new(Kind::Control, "this page does not control the arm; take control first"))

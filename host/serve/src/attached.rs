@@ -94,7 +94,7 @@ mod tests {
     #[test]
     fn pages_are_listed_while_they_say_that_they_are_there_and_programs_until_they_leave() {
         let (mut attached, start) = (Attached::default(), Instant::now());
-        let guest = Guest { key: 9, name: "`darm record`".to_owned() };
+        let guest = Guest { key: 9, name: "`darm record`".to_owned(), process: None };
         assert!(attached.see(start, 1, "phone"));
         assert!(!attached.see(start, 1, "phone") && attached.see(start, 1, "bench"));
         attached.arrive(&guest);

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! Another page may ask for control: for [`ASK`] the page that has it can hand it over, and what was switched by hand stays as it is. A
-//! program has control from its first order until it ends; it can be asked for nothing.
+//! program has control from its first order until it ends; no page can ask it.
 //!
 //! A page that is left does not know whether its tab goes to another page, loads it again, or is closed. It says that it leaves;
 //! the next page of the tab resumes with the key of the one before. Outputs that were switched by hand stay as they are in
@@ -23,7 +23,7 @@ pub const LEASE: Duration = Duration::from_secs(3);
 /// How long it lasts after its page was left, until the next page of the tab resumes.
 pub const CHANGE: Duration = Duration::from_secs(2);
 
-/// How long a page that has asked for control waits for it.
+/// How long a page that asks waits for control.
 pub const ASK: Duration = Duration::from_secs(30);
 
 /// Control as a page gets it.
@@ -50,8 +50,8 @@ pub enum ControlError {
         /// Its command.
         name: String,
     },
-    /// Another page has asked for it already.
-    #[error("{name} has asked for control already; try again in half a minute")]
+    /// Another page asks for it already.
+    #[error("{name} asks for control already; try again in half a minute")]
     Asked {
         /// What it is called.
         name: String,
@@ -151,7 +151,7 @@ impl Control {
         }
     }
 
-    /// Gives the control of the page with this key to the page that has asked for it.
+    /// Gives the control of the page with this key to the page that asks.
     ///
     /// # Errors
     ///
@@ -169,7 +169,7 @@ impl Control {
         self.asking.as_ref().filter(|asking| now < asking.until).map(|asking| asking.name.as_str())
     }
 
-    /// The page with control hands nothing over, or the page that has asked wants it no longer.
+    /// The page with control hands nothing over, or the page that asks wants it no longer.
     pub fn refuse(&mut self, now: Instant, key: u64) {
         let is_asker = self.asking.as_ref().is_some_and(|asking| asking.grant.key == key);
         if is_asker || self.check(now, key).is_ok() {

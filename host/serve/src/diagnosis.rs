@@ -13,7 +13,6 @@ mod log;
 mod models;
 mod record;
 mod sources;
-mod table;
 mod view;
 
 use std::path::Path;
@@ -23,19 +22,20 @@ use std::time::Instant;
 use axum::extract::{DefaultBodyLimit, FromRef, State};
 use axum::routing::{get, post};
 use axum::{Json, Router};
+use darm_arm::arm::Arm;
 use darm_diagnose::correction::Keep;
 use darm_diagnose::progress::{Progress, Stage};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::hub::Hub;
 use crate::job_queue::{JobQueue, Work};
+use crate::made_table::{self, TableView, Visited};
 use crate::refusal::{Kind, Refused};
 use crate::upload::{MAX_FILES, Upload};
 use crate::upload_memory::{UploadBody, UploadMemory};
 use log::LogView;
 use models::KnownModel;
 use sources::Sources;
-use table::{Next, TableRequest, TableView};
 use view::{Corrected, ResultView};
 
 /// The diagnoses of a server.
@@ -67,6 +67,33 @@ struct Running {
     files: String,
     since: Instant,
     progress: Progress,
+}
+
+/// What the next measurement is made from.
+#[derive(Clone)]
+struct Next {
+    /// The corrected arm, or the one that was diagnosed.
+    arm: Arm,
+    /// Words that distinguish the candidates.
+    words: Vec<String>,
+    /// The files that were diagnosed.
+    diagnosed: String,
+}
+
+/// Which table of the next measurement a page wants.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TableRequest {
+    /// Number of the result that the page shows.
+    result: u64,
+    of: Of,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Of {
+    Words,
+    Plan,
 }
 
 /// How far a diagnosis is.
@@ -156,18 +183,14 @@ async fn make_table(State(diagnoses): Shared, Json(request): Json<TableRequest>)
     let next =
         next.ok_or_else(|| Refused::new(Kind::Invalid, "another diagnosis ended meanwhile; open the page again"))?;
     let hub = Arc::clone(&diagnoses.hub);
-    diagnoses.tables.run(move |work| open_table(&hub, request, &next, work)).await.map(Json)
-}
-
-fn open_table(hub: &Hub, request: TableRequest, next: &Next, work: &Work) -> Result<TableView, Refused> {
-    let no_board = "a table is made for the profile of the board; start the server with its arm";
-    let wired = hub.wired().ok_or_else(|| Refused::new(Kind::Invalid, no_board))?;
-    work.check()?;
-    let (view, program) = request.make(next, &wired.profile)?;
-    // A page that has left opens no table on those of others.
-    work.check()?;
-    hub.set_program(Arc::new(program));
-    Ok(view)
+    let made = diagnoses.tables.run(move |work| {
+        let (visited, name) = match request.of {
+            Of::Words => (Visited::Words(next.words, None), "next"),
+            Of::Plan => (Visited::Plan, "plan"),
+        };
+        made_table::open(&hub, &next.arm, &visited, (name, Some(next.diagnosed)), work)
+    });
+    made.await.map(Json)
 }
 
 /// Gives a diagnosis up when it is dropped; one that is finished does not notice.

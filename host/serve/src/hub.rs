@@ -20,6 +20,7 @@ use crate::measured::Measured;
 use crate::order::{Order, Task};
 use crate::picture::Picture;
 use crate::program::Program;
+use crate::recording::Recordings;
 use crate::refusal::{Kind, Refused};
 use crate::served_arm::ServedArm;
 use crate::unix_time;
@@ -37,6 +38,7 @@ pub struct Hub {
     stopper: Stopper,
     arm: Option<ServedArm>,
     history: Option<Arc<History>>,
+    recordings: Arc<Recordings>,
     orders: Sender<Order>,
     state: Mutex<State>,
     /// Wakes pages that wait for news.
@@ -74,12 +76,13 @@ pub(crate) struct HubParts {
     pub(crate) stopper: Stopper,
     pub(crate) arm: Option<ServedArm>,
     pub(crate) history: Option<Arc<History>>,
+    pub(crate) recordings: Arc<Recordings>,
     pub(crate) orders: Sender<Order>,
 }
 
 impl Hub {
     pub(crate) fn new(parts: HubParts) -> Self {
-        let HubParts { stopper, arm, history, orders } = parts;
+        let HubParts { stopper, arm, history, recordings, orders } = parts;
         let (stop_requests, stops_wanted) = channel();
         let state = State {
             link: LinkView::Connecting,
@@ -99,6 +102,7 @@ impl Hub {
             stopper,
             arm,
             history,
+            recordings,
             orders,
             state: Mutex::new(state),
             revision: watch::Sender::new(1),
@@ -122,6 +126,11 @@ impl Hub {
     /// Where what was seen is kept.
     pub(crate) fn history(&self) -> Option<&Arc<History>> {
         self.history.as_ref()
+    }
+
+    /// What pages record.
+    pub(crate) fn recordings(&self) -> &Arc<Recordings> {
+        &self.recordings
     }
 
     /// Stops the board, within [`STOP_BOUND`]: past the watcher where the port is open, else through the port itself. What was
@@ -246,6 +255,7 @@ impl Hub {
             picture: state.picture.0,
             program: state.program.0,
             upload: state.upload,
+            recordings: self.recordings.view(),
             measured: state.measured.view(predicted, unix_time::now_s()),
             board: state.board.clone(),
             events: state.events.iter().cloned().collect(),
@@ -357,7 +367,14 @@ impl Rights for Hub {
     }
 
     fn take_control(&self, guest: &Guest) -> Result<(), String> {
-        let taken = self.control(|control, now| control.take_as_program(now, guest.key, &guest.name));
+        let taken = self.control(|control, now| {
+            let page = control.holder(now).map(|holder| holder.grant.page);
+            // What a page records moves the arm with its control; another page that has control is asked first, as by anybody.
+            if page.is_some() && self.recordings.is_for(guest.process, page) {
+                return Ok(());
+            }
+            control.take_as_program(now, guest.key, &guest.name)
+        });
         taken.map_err(|error| error.to_string())
     }
 

@@ -1,4 +1,4 @@
-//! The table of the next measurement: of the words that distinguish the candidates, or of a measurement plan.
+//! Tables that the server makes: of words, or of a measurement plan.
 
 use darm_arm::arm::{Arm, frames};
 use darm_arm::board_profile::BoardProfile;
@@ -7,74 +7,74 @@ use darm_arm::table_file;
 use darm_core::units::Word;
 use darm_diagnose::measurement_plan::{self, measurement_visits};
 use darm_measure::visit_table::{MEASUREMENT_DWELL_S, PlannedVisit, VisitTable, default_dwell_s};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
+use crate::hub::Hub;
+use crate::job_queue::Work;
 use crate::program::{Origin, Program};
 use crate::refusal::{Kind, Refused};
 
-/// Which table a page wants.
-#[derive(Clone, Copy, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct TableRequest {
-    /// Number of the result that the page shows.
-    pub(super) result: u64,
-    of: Of,
-}
-
-#[derive(Clone, Copy, Debug, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-enum Of {
-    Words,
+/// What is to be visited.
+#[derive(Clone, Debug)]
+pub(crate) enum Visited {
+    /// These words in this order; each for this time, s, else until the arm rests and a few pictures are taken.
+    Words(Vec<String>, Option<f64>),
+    /// Words of which every parameter and every effect can be determined.
     Plan,
-}
-
-/// What the next measurement is made from.
-#[derive(Clone)]
-pub(super) struct Next {
-    /// The corrected arm, or the one that was diagnosed.
-    pub(super) arm: Arm,
-    /// Words that distinguish the candidates.
-    pub(super) words: Vec<String>,
-    /// The files that were diagnosed.
-    pub(super) diagnosed: String,
 }
 
 /// A table that was made.
 #[derive(Serialize)]
-pub(super) struct TableView {
-    name: &'static str,
+pub(crate) struct TableView {
+    name: String,
     digest: String,
     n_visits: usize,
 }
 
-impl TableRequest {
-    /// The table for the board with this profile, opened.
-    pub(super) fn make(self, next: &Next, profile: &BoardProfile) -> Result<(TableView, Program), Refused> {
-        let (arm, refused) = (&next.arm, |error: &dyn std::fmt::Display| Refused::new(Kind::Refused, error));
-        let (name, visits_name) = match self.of {
-            Of::Words => ("next.darm", "next.visits.csv"),
-            Of::Plan => ("plan.darm", "plan.visits.csv"),
-        };
-        let (planned, may_rest) = match self.of {
-            Of::Words => (word_visits(next, default_dwell_s(arm, profile))?, false),
-            Of::Plan => {
-                let visits = measurement_visits(arm, &measurement_plan::Options::default(), MEASUREMENT_DWELL_S);
-                (visits.map_err(|error| refused(&error))?, true)
-            }
-        };
-        let table = VisitTable { arm, profile, device: None, modules: &[], may_rest };
-        let (plan, visits) = table.of(&planned).map_err(|error| refused(&error))?;
-        let n_visits = visits.rests.len();
-        let view = TableView { name, digest: visits.table.to_string(), n_visits };
-        let (diagnosed, model) = (next.diagnosed.clone(), arm.model.number);
-        let origin = Origin { visits_name: visits_name.into(), n_visits, diagnosed, model };
-        let program = Program::open(name, &table_file::bytes(&plan.image))?;
-        Ok((view, program.made(origin, visits.to_text())))
-    }
+/// Makes the table of an arm, called `name`, and opens it, as a page does with a file: nothing is sent to the board. `diagnosed` are
+/// the files of the diagnosis that it is made after.
+pub(crate) fn open(
+    hub: &Hub,
+    arm: &Arm,
+    visited: &Visited,
+    (name, diagnosed): (&str, Option<String>),
+    work: &Work,
+) -> Result<TableView, Refused> {
+    let no_board = "a table is made for the profile of the board; start the server with its arm";
+    let wired = hub.wired().ok_or_else(|| Refused::new(Kind::Invalid, no_board))?;
+    work.check()?;
+    let (table, visits) = make(arm, visited, &wired.profile)?;
+    let n_visits = visits.rests.len();
+    let view = TableView { name: format!("{name}.darm"), digest: visits.table.to_string(), n_visits };
+    let origin = Origin { visits_name: format!("{name}.visits.csv"), n_visits, diagnosed, model: arm.model.number };
+    let program = Program::open(&view.name, &table)?.made(origin, visits.to_text());
+    // A page that has left opens no table on those of others.
+    work.check()?;
+    hub.set_program(std::sync::Arc::new(program));
+    Ok(view)
 }
 
-fn word_visits(next: &Next, dwell_s: f64) -> Result<Vec<PlannedVisit>, Refused> {
-    next.words.iter().map(|text| word_visit(&next.arm, text, dwell_s)).collect()
+fn make(
+    arm: &Arm,
+    visited: &Visited,
+    profile: &BoardProfile,
+) -> Result<(Vec<u8>, darm_measure::visits::Visits), Refused> {
+    let refused = |error: &dyn std::fmt::Display| Refused::new(Kind::Refused, error);
+    let (planned, may_rest) = match visited {
+        Visited::Words(words, dwell_s) => {
+            let dwell_s = dwell_s.unwrap_or_else(|| default_dwell_s(arm, profile));
+            let visits: Result<Vec<PlannedVisit>, _> =
+                words.iter().map(|text| word_visit(arm, text, dwell_s)).collect();
+            (visits?, false)
+        }
+        Visited::Plan => {
+            let visits = measurement_visits(arm, &measurement_plan::Options::default(), MEASUREMENT_DWELL_S);
+            (visits.map_err(|error| refused(&error))?, true)
+        }
+    };
+    let table = VisitTable { arm, profile, device: None, modules: &[], may_rest };
+    let (plan, visits) = table.of(&planned).map_err(|error| refused(&error))?;
+    Ok((table_file::bytes(&plan.image), visits))
 }
 
 fn word_visit(arm: &Arm, text: &str, dwell_s: f64) -> Result<PlannedVisit, Refused> {

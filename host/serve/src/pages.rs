@@ -201,7 +201,7 @@ fn program() -> Markup {
                 label for="file" { "Open a table of " code { "darm table" } " (.darm), or drop it here" }
                 input #file type="file" accept=".darm";
             }
-            p #no-program .note hidden { "None yet? The page " a href="/diagnosis" { "Diagnosis" } " makes one: Plan again." }
+            p #no-program .note hidden { "None yet? Make one below." }
             div #origin hidden {
                 p #origin-text {}
                 p { code #origin-command {} }
@@ -220,6 +220,30 @@ fn program() -> Markup {
             }
             p #running .phase.values role="status" {}
             div #upload-progress hidden { label for="progress" { "Upload" } progress #progress max="1" value="0" {} }
+        }
+        section #record-section aria-labelledby="record-title" hidden {
+            h2 #record-title { "Record" }
+            p #no-data .note hidden { "To record here, start the server with a folder: " code { "darm serve arm.toml --data runs" } "." }
+            div #record-here {
+                label for="record-name" { "Name of the measurement" }
+                input #record-name maxlength="60" pattern="[A-Za-z0-9_\\-]+" autocomplete="off";
+                div.buttons { button #record type="button" disabled { "Play and record" } }
+                p #record-note .note {}
+                div #record-progress hidden { label for="recorded" { "Recording" } progress #recorded max="1" value="0" {} span #record-left {} }
+                p #record-result role="status" {}
+            }
+        }
+        section #make-section aria-labelledby="make-title" hidden {
+            h2 #make-title { "Make a table" }
+            label for="words" { "Words, one on each line, actuator 0 first" }
+            textarea #words rows="4" spellcheck="false" autocomplete="off" {}
+            label for="dwell" { "Rest in each, s (empty: until the arm is still and a few pictures are taken)" }
+            input #dwell type="number" min="0" max="3600" step="any";
+            div.buttons {
+                button #make-words type="button" { "Table of these words" }
+                button #make-plan type="button" { "Measurement plan" }
+            }
+            p #make-note .note role="status" {}
         }
         section #timeline-section aria-labelledby="timeline-title" hidden {
             h2 #timeline-title { "Time line" }

@@ -18,7 +18,7 @@ pub struct Program {
     pub view: ProgramView,
     /// The bytes of its file.
     pub bytes: Vec<u8>,
-    /// The text of its visit file, of a table that a diagnosis made.
+    /// The text of its visit file, of a table that the server made.
     pub visits: Option<String>,
 }
 
@@ -29,8 +29,8 @@ pub struct Origin {
     pub visits_name: String,
     /// Number of visits.
     pub n_visits: usize,
-    /// What was diagnosed.
-    pub diagnosed: String,
+    /// What was diagnosed, where it was made after a diagnosis.
+    pub diagnosed: Option<String>,
     /// Number of the model that it was made with.
     pub model: u32,
 }
@@ -50,7 +50,7 @@ pub struct ProgramView {
     pub lanes: Vec<Lane>,
     /// Why it is refused, with row and limit.
     pub refusal: Option<Refused>,
-    /// The diagnosis that it was made after; `None` of a file that was opened.
+    /// What the server made it from; `None` of a file that was opened.
     pub origin: Option<Origin>,
 }
 
@@ -102,7 +102,7 @@ impl Program {
         }
     }
 
-    /// The same made after a diagnosis, with its visit file.
+    /// The same made by the server, with its visit file.
     #[must_use]
     pub fn made(self, origin: Origin, visits: String) -> Self {
         Self { view: ProgramView { origin: Some(origin), ..self.view }, visits: Some(visits), ..self }

@@ -23,11 +23,12 @@ use crate::history::{self, History, HistoryError, ModelEntry};
 use crate::hub::{Hub, HubParts};
 use crate::measured::PoseSource;
 use crate::pose_reader;
+use crate::recording::{RecordSetup, Recordings};
 use crate::refusal::Refused;
 pub use crate::served_arm::ServedArm;
 use crate::stop_line::Opened;
 use crate::watcher::Watcher;
-use crate::{api, diagnosis, pages, reach, stop_line, unix_time};
+use crate::{api, diagnosis, pages, reach, recording_api, stop_line, unix_time};
 
 /// Connections that wait to be accepted. Where there is no room for another one, its client tries again a second later.
 const BACKLOG: u32 = 4096;
@@ -64,6 +65,8 @@ pub struct Config {
     pub poses: Option<PoseSource>,
     /// Where what is seen is kept, if it is.
     pub history: Option<History>,
+    /// Where pages record, if they may.
+    pub record: Option<RecordSetup>,
 }
 
 /// Why the server does not start.
@@ -103,7 +106,7 @@ impl Server {
     ///
     /// The address is not loopback and there is no token, it cannot be listened on, or the history cannot be written.
     pub fn start(config: Config) -> Result<Self, ServeError> {
-        let Config { listen, names, token, board, arm, poses, history } = config;
+        let Config { listen, names, token, board, arm, poses, history, record } = config;
         let access = Access::new(listen, names, token)?;
         let listener = bound(listen).map_err(|source| ServeError::Listen { address: listen, source })?;
         let address = listener.local_addr()?;
@@ -114,7 +117,13 @@ impl Server {
         if let (Some(history), Some(arm)) = (&history, &arm) {
             add_arm(history, arm)?;
         }
-        let hub = Arc::new(Hub::new(HubParts { stopper: stop, arm, history, orders }));
+        let hub = Arc::new(Hub::new(HubParts {
+            stopper: stop,
+            arm,
+            history,
+            recordings: Arc::new(Recordings::new(record)),
+            orders,
+        }));
         let watcher = Watcher::new(Arc::clone(&hub), open, ordered);
         let (end, ended) = oneshot::channel();
         let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;
@@ -215,6 +224,7 @@ fn router(hub: Arc<Hub>, access: Access, line: Sender<Opened>) -> Router {
         .merge(diagnosis::router(Arc::clone(&hub)))
         .merge(history::router(history))
         .merge(reach::router(Arc::clone(&hub)))
+        .merge(recording_api::router(Arc::clone(&hub)))
         .merge(stop_line::router(hub, line))
         .layer(DefaultBodyLimit::max(MAX_BODY))
         .layer(RequestBodyTimeoutLayer::new(PATIENCE))

@@ -7,6 +7,7 @@ use serde::Serialize;
 use crate::attached::AttachedView;
 use crate::measured::MeasuredView;
 use crate::program::seconds;
+use crate::recording::RecordingsView;
 use crate::refusal::{Limit, Place, of_fault};
 
 /// What a page fetches again and again.
@@ -30,6 +31,8 @@ pub struct LiveView {
     pub program: u64,
     /// The upload that runs.
     pub upload: Option<UploadView>,
+    /// What pages record, where the server has a folder for it.
+    pub recordings: Option<RecordingsView>,
     /// The measured pose of the tool, where the server has a source of poses.
     pub measured: Option<MeasuredView>,
     /// What was seen of the board last.
@@ -45,7 +48,7 @@ pub struct ControlView {
     pub page: u32,
     /// What the page or program is called.
     pub name: String,
-    /// Whether it is a program, which cannot be asked for control.
+    /// Whether it is a program: no page can ask it for control.
     pub is_program: bool,
     /// The page that asks for control.
     pub asked_by: Option<String>,

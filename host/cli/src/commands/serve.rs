@@ -4,6 +4,7 @@ mod poses;
 
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, TcpListener};
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
@@ -14,6 +15,7 @@ use darm_robot::source::{ModelKind, Source};
 use darm_serve::access::Token;
 use darm_serve::board_port::BoardPort;
 use darm_serve::history::History;
+use darm_serve::recording::{RecordFiles, RecordSetup};
 use darm_serve::server::{Config, ServedArm, Server};
 use serde::Serialize;
 
@@ -26,6 +28,7 @@ const EXAMPLES: &str = "\
 Examples:
   darm serve arm.toml                          # the only board there is, with this arm on it
   darm serve arm.toml --poses sim              # with the poses that the simulated camera sees
+  darm serve arm.toml --poses sim --data runs  # pages record into the folder runs
   darm serve arm.toml --listen 127.0.0.1:0     # at a free port
   darm serve                                   # without a picture
 
@@ -68,6 +71,9 @@ pub(crate) struct Serve {
     /// Database of runs, diagnoses, models and tables, or none; default: history.sqlite3 in the state folder
     #[arg(long, value_name = "FILE|none")]
     history: Option<PathBuf>,
+    /// Folder into which pages record measurements, and the only one in which they write files; it is made if it is not there
+    #[arg(long, value_name = "FOLDER", requires = "arm")]
+    data: Option<PathBuf>,
     #[command(flatten)]
     port: PortArgs,
 }
@@ -132,7 +138,8 @@ impl Serve {
         let history_file = history.as_ref().map(|history| history.path().to_owned());
         let (listen, names) = (self.listen(), self.name.clone());
         let poses = self.poses.as_deref().map(poses::source);
-        let server = Server::start(Config { listen, names, token, board, arm, poses, history })?;
+        let record = self.data.as_deref().map(|folder| self.record_setup(folder)).transpose()?;
+        let server = Server::start(Config { listen, names, token, board, arm, poses, history, record })?;
         let (interrupted, interrupt) = channel();
         let handler = move || {
             // The receiver is gone once the server has ended.
@@ -160,6 +167,25 @@ impl Serve {
         }
         let wired = WiredArm::read(path, self.profile.as_deref())?;
         Ok(ServedArm { wired, file: path.display().to_string() })
+    }
+
+    /// Where pages record, and how: by this program, with the camera of `--poses`.
+    fn record_setup(&self, folder: &Path) -> anyhow::Result<RecordSetup> {
+        let no_folder = || format!("the folder {} cannot be made", folder.display());
+        std::fs::create_dir_all(folder).with_context(no_folder)?;
+        let folder = folder.canonicalize().with_context(no_folder)?;
+        let program = std::env::current_exe().context("the file of this program is not known")?;
+        let (port, camera) = (self.port.clone(), self.poses.clone().filter(|source| source != "sim"));
+        let command = move |files: &RecordFiles| {
+            let mut command = Command::new(&program);
+            command.args(["--json", "record"]).arg(&files.table).arg("-o").arg(&files.output);
+            command.args(camera.iter().flat_map(|camera| ["--camera", camera]));
+            if let Ok(port) = port.name() {
+                command.args(["--port", &port]);
+            }
+            command
+        };
+        Ok(RecordSetup { folder, command: Box::new(command) })
     }
 
     /// The file of the history; none where it is not wanted, or no home folder is known.

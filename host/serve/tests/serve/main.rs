@@ -17,6 +17,7 @@ mod measured;
 mod moves;
 mod page_load;
 mod reach;
+mod recording;
 mod screenshots;
 mod stop_line;
 mod tab;

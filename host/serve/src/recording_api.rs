@@ -1,0 +1,115 @@
+//! Tables that a page makes, and recordings that it starts.
+//!
+//! | request              | needs control | does                                                                           |
+//! |----------------------|---------------|--------------------------------------------------------------------------------|
+//! | `GET /api/data`      | no            | names of the measurements in the folder of `--data`                             |
+//! | `GET /api/data/NAME` | no            | one of them                                                                     |
+//! | `POST /api/plan`     | no            | makes and opens a table of the server's arm: of words, or of a measurement plan |
+//! | `POST /api/record`   | yes           | plays the opened table and measures, into a new file of that folder              |
+
+use std::sync::Arc;
+
+use axum::extract::{Path, State};
+use axum::http::{HeaderMap, header};
+use axum::response::{IntoResponse as _, Response};
+use axum::routing::{get, post};
+use axum::{Json, Router};
+use serde::Deserialize;
+
+use crate::api::key;
+use crate::hub::Hub;
+use crate::job_queue::{JobQueue, Work};
+use crate::made_table::{self, TableView, Visited};
+use crate::recording::DataFile;
+use crate::refusal::{Kind, Refused};
+
+/// Words of one table, at most: more than a board stores.
+const MAX_WORDS: usize = 4096;
+
+#[derive(Deserialize)]
+#[serde(tag = "of", rename_all = "kebab-case", deny_unknown_fields)]
+enum PlanRequest {
+    Plan,
+    Words { words: Vec<String>, dwell_s: Option<f64> },
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RecordRequest {
+    /// Digest of the table that the page shows.
+    table: String,
+    name: String,
+}
+
+#[derive(Clone)]
+struct Requests {
+    hub: Arc<Hub>,
+    files: Arc<JobQueue>,
+    plans: Arc<JobQueue>,
+}
+
+/// The requests about recordings.
+pub(crate) fn router(hub: Arc<Hub>) -> Router {
+    let [files, plans] = [(); 2].map(|()| Arc::new(JobQueue::new()));
+    Router::new()
+        .route("/api/data", get(list))
+        .route("/api/data/{name}", get(file))
+        .route("/api/plan", post(plan))
+        .route("/api/record", post(record))
+        .with_state(Requests { hub, files, plans })
+}
+
+async fn list(State(requests): State<Requests>) -> Result<Json<Vec<DataFile>>, Refused> {
+    let hub = requests.hub;
+    requests.files.run(move |_| hub.recordings().list()).await.map(Json)
+}
+
+async fn file(State(requests): State<Requests>, Path(name): Path<String>) -> Result<Response, Refused> {
+    let hub = requests.hub;
+    let bytes = requests.files.run(move |_| hub.recordings().read(&name)).await?;
+    Ok(([(header::CONTENT_TYPE, "text/csv; charset=utf-8")], bytes).into_response())
+}
+
+async fn plan(State(requests): State<Requests>, Json(request): Json<PlanRequest>) -> Result<Json<TableView>, Refused> {
+    let visited = match request {
+        PlanRequest::Plan => Visited::Plan,
+        PlanRequest::Words { words, dwell_s } => {
+            let is_dwell = |dwell_s: &f64| (0.0..=3600.0).contains(dwell_s);
+            if words.is_empty() || words.len() > MAX_WORDS || !dwell_s.iter().all(is_dwell) {
+                let text = format!("a table has 1 to {MAX_WORDS} words, each for 0 to 3600 s");
+                return Err(Refused::new(Kind::Invalid, text));
+            }
+            Visited::Words(words, dwell_s)
+        }
+    };
+    let hub = requests.hub;
+    let made = requests.plans.run(move |work: &Work| {
+        let no_arm = || Refused::new(Kind::Invalid, "the server has no arm; start it with one");
+        let arm = hub.wired().ok_or_else(no_arm)?.arm.clone();
+        let name = if matches!(visited, Visited::Plan) { "plan" } else { "words" };
+        made_table::open(&hub, &arm, &visited, (name, None), work)
+    });
+    made.await.map(Json)
+}
+
+async fn record(
+    State(requests): State<Requests>,
+    headers: HeaderMap,
+    Json(RecordRequest { table, name }): Json<RecordRequest>,
+) -> Result<Json<()>, Refused> {
+    let (key, hub) = (key(&headers)?, requests.hub);
+    let started = requests.files.run(move |work: &Work| {
+        let page = hub.control(|control, now| {
+            control.check(now, key)?;
+            Ok(control.holder(now).map_or(0, |holder| holder.grant.page))
+        })?;
+        let program = hub.program().filter(|program| program.view.digest.as_ref() == Some(&table));
+        let other = "another table was opened meanwhile; look at it";
+        let program = program.ok_or_else(|| Refused::new(Kind::Invalid, other))?;
+        let no_visits = "the table has no visit file: make it on this page, or after a diagnosis";
+        let visits = program.visits.as_ref().ok_or_else(|| Refused::new(Kind::Invalid, no_visits))?;
+        work.check()?;
+        hub.recordings().start(page, &name, &program.bytes, visits)
+    });
+    started.await.map(Json)
+}
