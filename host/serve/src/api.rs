@@ -11,6 +11,8 @@
 //! | `GET /stop-line`    | yes           | a WebSocket: each message is a stop, see `stop_line.rs`                |
 //! | `POST /api/control` | no            | takes, renews or releases control, leaves a page with it, resumes it on the next, asks for it, hands it over or refuses to |
 //! | `POST /api/here`    | no            | says that a page is there, and what it is called; pages show the list    |
+//! | `GET /api/console`  | no            | lines of the console after `?after=NUMBER`                              |
+//! | `POST /api/console` | only for a line that may change something | types a line, as at the board's console             |
 //! | `POST /api/open`    | no            | opens a table file: its bytes; nothing is sent to the board             |
 //! | `POST /api/upload`  | yes           | brings the opened table to the board                                    |
 //! | `POST /api/command` | yes           | plays, clears the safe state, switches an output, a word or a servo     |
@@ -27,10 +29,12 @@ use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use darm_arm::table_file::digest;
 use darm_core::sequencer::Command;
+use darm_device::client::sharing::LineKind;
 use darm_device::client::stop::Confirmation;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
+use crate::console::ConsoleLine;
 use crate::control::LEASE;
 use crate::hub::Hub;
 use crate::order::Task;
@@ -333,7 +337,38 @@ pub(crate) async fn command(State(hub): Shared, headers: HeaderMap, Json(request
     execute(&hub, &headers, task).await
 }
 
+pub(crate) async fn console(State(hub): Shared, Query(After { after }): Query<After>) -> Json<Vec<ConsoleLine>> {
+    Json(hub.console(after))
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct TypeRequest {
+    line: String,
+}
+
+pub(crate) async fn type_line(
+    State(hub): Shared,
+    headers: HeaderMap,
+    Json(TypeRequest { line }): Json<TypeRequest>,
+) -> Answer<()> {
+    let key = match LineKind::of(&line).map_err(|error| Refused::new(Kind::Invalid, error))? {
+        LineKind::Reads => None,
+        LineKind::Changes => Some(key(&headers)?),
+        // By the thread of stops: it waits for nothing.
+        LineKind::Stops => {
+            hub.typed(&line);
+            return stopped(Instant::now(), hub.request_stop().await).map(|_| Json(()));
+        }
+    };
+    order(&hub, key, Task::Type(line)).await
+}
+
 async fn execute(hub: &Hub, headers: &HeaderMap, task: Task) -> Answer<()> {
-    let answered = hub.order(key(headers)?, task)?;
+    order(hub, Some(key(headers)?), task).await
+}
+
+async fn order(hub: &Hub, key: Option<u64>, task: Task) -> Answer<()> {
+    let answered = hub.order(key, task)?;
     answered.await.map_err(|_| Refused::new(Kind::Link, "the server is ending"))?.map(Json)
 }

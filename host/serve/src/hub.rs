@@ -14,6 +14,7 @@ use tokio::sync::{oneshot, watch};
 
 use crate::attached::Attached;
 use crate::board_port::Stopper;
+use crate::console::{Console, ConsoleLine};
 use crate::control::{Control, ControlError};
 use crate::history::History;
 use crate::measured::Measured;
@@ -62,6 +63,7 @@ struct State {
     upload: Option<UploadView>,
     control: Control,
     attached: Attached,
+    console: Console,
     /// Name of the port that was opened last; empty before.
     port: String,
     /// Stops the board past the watcher, while the port is open.
@@ -92,6 +94,7 @@ impl Hub {
             upload: None,
             control: Control::default(),
             attached: Attached::default(),
+            console: Console::default(),
             port: String::new(),
             handle: None,
             picture: (0, None),
@@ -199,10 +202,16 @@ impl Hub {
         self.stops.load(Ordering::SeqCst)
     }
 
-    /// Queues an order of the page with this key; its result comes through the receiver.
-    pub(crate) fn order(&self, key: u64, task: Task) -> Result<oneshot::Receiver<Result<(), Refused>>, Refused> {
+    /// Queues an order of the page with this key, or one that needs no control; its result comes through the receiver.
+    pub(crate) fn order(
+        &self,
+        key: Option<u64>,
+        task: Task,
+    ) -> Result<oneshot::Receiver<Result<(), Refused>>, Refused> {
         let stops = self.stops();
-        self.control(|control, now| control.check(now, key))?;
+        if let Some(key) = key {
+            self.control(|control, now| control.check(now, key))?;
+        }
         let (answer, answered) = oneshot::channel();
         let order = Order { task, key, stops, made: Instant::now(), answer };
         self.orders.send(order).map_err(|_| Refused::new(Kind::Link, "the server is ending"))?;
@@ -232,6 +241,25 @@ impl Hub {
         id.and_then(|id| self.state().attached.name(id)).unwrap_or_default()
     }
 
+    /// A page has typed a line.
+    pub(crate) fn typed(&self, line: &str) {
+        self.state().console.typed(line);
+        self.wake();
+    }
+
+    /// The board has sent text.
+    pub(crate) fn hear_text(&self, bytes: &[u8]) {
+        let has_line = self.state().console.hear(bytes);
+        if has_line {
+            self.wake();
+        }
+    }
+
+    /// Lines of the console from this number on.
+    pub(crate) fn console(&self, from: u64) -> Vec<ConsoleLine> {
+        self.state().console.from(from)
+    }
+
     /// What pages show now.
     pub(crate) fn view(&self) -> LiveView {
         let (state, now) = (self.state(), Instant::now());
@@ -256,6 +284,7 @@ impl Hub {
             program: state.program.0,
             upload: state.upload,
             recordings: self.recordings.view(),
+            console: state.console.count(),
             measured: state.measured.view(predicted, unix_time::now_s()),
             board: state.board.clone(),
             events: state.events.iter().cloned().collect(),

@@ -20,6 +20,7 @@ pub mod assets;
 mod attached;
 pub mod board_port;
 pub mod connections;
+mod console;
 pub mod control;
 mod diagnosis;
 pub mod history;

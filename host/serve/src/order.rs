@@ -25,14 +25,16 @@ pub enum Task {
     },
     /// Bring a table to the board.
     Upload(Arc<Program>),
+    /// Send a line as a person types it; the answer comes as text.
+    Type(String),
 }
 
 /// One order of a page.
 pub struct Order {
     /// What is to be done.
     pub task: Task,
-    /// The key of the page.
-    pub key: u64,
+    /// The key of the page; `None` for what needs no control.
+    pub key: Option<u64>,
     /// Number of stops when the page ordered it.
     pub stops: u64,
     /// When the page ordered it.

@@ -139,6 +139,19 @@ fn live() -> Markup {
             }
         }
         (tables())
+        section aria-labelledby="console-title" {
+            h2 #console-title { "Console" }
+            div #console .console.values tabindex="0" role="log" aria-labelledby="console-title" {}
+            form #type-form {
+                label for="line" { "Line; " code { "_" } " for a space, as " kbd { "Space" } " stops the arm" }
+                input #line list="line-commands" maxlength="200" spellcheck="false" autocapitalize="none" autocomplete="off" placeholder="coil_1_on_200";
+                datalist #line-commands {
+                    @for command in ["help", "id", "status", "limits", "profile", "table", "fault", "log", "stop", "play", "clear"] { option value=(command) {} }
+                }
+                button type="submit" { "Send" }
+            }
+            p #line-note .note role="status" {}
+        }
     }
 }
 

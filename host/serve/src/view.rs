@@ -33,6 +33,8 @@ pub struct LiveView {
     pub upload: Option<UploadView>,
     /// What pages record, where the server has a folder for it.
     pub recordings: Option<RecordingsView>,
+    /// Number of lines of the console so far: a page fetches them when it grows.
+    pub console: u64,
     /// The measured pose of the tool, where the server has a source of poses.
     pub measured: Option<MeasuredView>,
     /// What was seen of the board last.

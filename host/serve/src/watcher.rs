@@ -73,7 +73,9 @@ impl Watcher {
         let stops = self.hub.stops();
         let (link, handle) = (self.open)()?;
         self.hub.set_open(link.name(), handle.clone());
-        let client = Client::connect(link)?;
+        let mut client = Client::connect(link)?;
+        let hub = Arc::clone(&self.hub);
+        client.set_on_text(move |text| hub.hear_text(text));
         let rights: Arc<dyn Rights> = Arc::clone(&self.hub) as _;
         client.share(&handle, rights);
         (self.stops_at_hello, self.opened) = (Some(stops), Instant::now());
@@ -135,12 +137,14 @@ impl Watcher {
 
     fn execute(&mut self, client: &mut Client, order: Order) {
         let done = self.prepare(client, &order).and_then(|()| {
-            let done = self.send(client, &order.task);
+            let done = self.send(client, &order);
             match (&order.task, &done) {
                 (Task::Play { .. }, Ok(())) => self.is_by_hand = false,
                 // Also where the answer is lost.
                 (Task::Command(_), Ok(())) => self.is_by_hand = true,
                 (Task::Command(_), Err(refused)) => self.is_by_hand |= refused.kind != Kind::Refused,
+                // Its answer is text: what it has done is not known.
+                (Task::Type(_), _) => self.is_by_hand |= order.key.is_some(),
                 _ => {}
             }
             done
@@ -160,7 +164,9 @@ impl Watcher {
             let text = "the connection was opened meanwhile, as after a stop; nothing was sent";
             return Err(Refused::new(Kind::Stopped, text));
         }
-        self.hub.control(|control, now| control.check(now, order.key))?;
+        if let Some(key) = order.key {
+            self.hub.control(|control, now| control.check(now, key))?;
+        }
         if order.made.elapsed() > PATIENCE {
             return Err(Refused::new(Kind::Link, "the board did not answer in time; nothing was sent"));
         }
@@ -180,11 +186,20 @@ impl Watcher {
         Ok(())
     }
 
-    fn send(&mut self, client: &mut Client, task: &Task) -> Result<(), Refused> {
-        match task {
+    fn send(&mut self, client: &mut Client, order: &Order) -> Result<(), Refused> {
+        match &order.task {
             Task::Command(command) => client.command(*command).map_err(|error| self.refused(error)),
             Task::Play { table } => self.play(client, *table),
             Task::Upload(program) => self.upload(client, program),
+            Task::Type(line) => {
+                self.hub.typed(line);
+                let is_late = || order.stops != self.hub.stops() || order.made.elapsed() > PATIENCE;
+                let typed = match order.key {
+                    None => client.type_line(line),
+                    Some(_) => client.type_change(line, is_late),
+                };
+                typed.map_err(|error| self.refused(error))
+            }
         }
     }
 

@@ -238,6 +238,22 @@ impl Client {
         self.exchange().send_raw(format!("{line}\r").as_bytes())
     }
 
+    /// The same for a line that changes something: not after a stop, nor once it is late. A line belongs to no connection, so the board
+    /// cannot refuse it.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError::Denied`]: a stop came since this client has opened its connection, or the line is late.
+    /// [`ClientError::Transport`]: the port fails.
+    pub fn type_change(&mut self, line: &str, is_late: impl FnOnce() -> bool) -> Result<(), ClientError> {
+        let mut exchange = self.exchange();
+        // Now: it may have waited for the line.
+        if exchange.is_stopped() || exchange.connection() != self.connection || is_late() {
+            return Err(ClientError::Denied("a stop came meanwhile, or it waited too long".to_owned()));
+        }
+        exchange.send_raw(format!("{line}\r").as_bytes())
+    }
+
     /// Listens for this time, for text and for nothing else.
     ///
     /// # Errors

@@ -6,6 +6,7 @@ mod accessible;
 mod attack;
 mod board;
 mod browser;
+mod console;
 mod diagnosis;
 mod guests;
 mod history;

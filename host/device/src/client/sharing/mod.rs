@@ -24,6 +24,7 @@
 //! share.
 
 mod guest;
+mod line_kind;
 mod session;
 
 use std::sync::{Arc, Weak};
@@ -32,6 +33,7 @@ use std::thread;
 use super::line::Line;
 use super::stop::{StopHandle, socket};
 pub use guest::{attach, is_shared};
+pub use line_kind::{LineKind, NoLine};
 
 /// A program that uses the port of another.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -17,6 +17,7 @@ use darm_core::wire::bootstrap::{ANSWER, Request as Bootstrap, Servos, Stopped};
 use darm_core::wire::frame::{Header, MAX_PAYLOAD};
 use darm_core::wire::message::{self, REPLY, REQUEST, Refusal, Reply, Request};
 
+use super::line_kind::{LONGEST, LineKind};
 use super::{Guest, Sharing};
 use crate::client::exchange::{COMMAND_PATIENCE_S, DENIED, Exchange, encode, refusal};
 use crate::client::question::{self, is_change};
@@ -37,22 +38,27 @@ const STAY: Duration = Duration::from_millis(500);
 const ANSWER_OF_LINE: Duration = Duration::from_millis(1500);
 /// How often, and how long each time, s.
 const LISTEN: (Duration, f64) = (Duration::from_millis(20), 0.01);
-/// Longest typed line.
-const LONGEST_LINE: usize = 200;
-
-/// First words of typed lines that change nothing; of any other line a change is expected. Source: the board's `help`.
-const READING_LINES: [&str; 9] = ["help", "id", "status", "limits", "profile", "table", "fault", "log", "nearest"];
 
 /// What waits for the line.
 enum Job {
     /// A frame of the guest, and the number of stops before it.
     Frame(Header, Vec<u8>, u64),
-    /// A line that the guest has typed, and when.
-    Line(String, u64, Instant),
+    /// A line that the guest has typed.
+    Line(TypedLine),
     /// Text of the board.
     Text(Vec<u8>),
     /// The guest has gone.
     End,
+}
+
+/// A line, and what had happened before it.
+struct TypedLine {
+    text: String,
+    at: Instant,
+    /// Stops of this guest.
+    stops: u64,
+    /// Stops of anybody, as far as this process has sent them.
+    all_stops: u64,
 }
 
 /// Serves a guest until it goes, or the holder's client.
@@ -136,18 +142,19 @@ impl Incoming {
         match byte {
             b'\r' | b'\n' => {
                 let line = String::from_utf8_lossy(&std::mem::take(&mut self.line)).into_owned();
-                if first_word(&line) == "stop" {
+                if LineKind::of(&line) == Ok(LineKind::Stops) {
                     let text = match self.stop() {
                         Some(_) => "ok\r\n",
                         None => "? the stop is not confirmed; switch off the arm's supply\r\n",
                     };
                     write(&self.writer, text.as_bytes());
                 } else if !line.is_empty() {
-                    self.queue(Job::Line(line, self.stops.load(Ordering::Acquire), Instant::now()));
+                    let (stops, all_stops) = (self.stops.load(Ordering::Acquire), self.handle.stops());
+                    self.queue(Job::Line(TypedLine { text: line, at: Instant::now(), stops, all_stops }));
                 }
             }
-            // Too long for the board; what is left of it is none of its commands.
-            _ if self.line.len() < LONGEST_LINE => self.line.push(byte),
+            // One more than a line may have, so that it is refused.
+            _ if self.line.len() <= LONGEST => self.line.push(byte),
             _ => {}
         }
     }
@@ -197,7 +204,7 @@ impl Worker {
             let listens = Instant::now() < self.listen_until;
             let continues = match to_do.recv_timeout(if listens { LISTEN.0 } else { STAY }) {
                 Ok(Job::Frame(header, payload, stops)) => self.take_frame(header, &payload, stops),
-                Ok(Job::Line(line, stops, typed)) => self.take_line(&line, stops, typed),
+                Ok(Job::Line(line)) => self.take_line(&line),
                 Ok(Job::Text(text)) => write(&self.writer, &text),
                 Ok(Job::End) | Err(RecvTimeoutError::Disconnected) => false,
                 Err(RecvTimeoutError::Timeout) if listens => self.with_line(|line| line.listen(LISTEN.1)).is_ok(),
@@ -313,9 +320,9 @@ impl Worker {
     }
 
     /// Whether the session continues.
-    fn take_line(&mut self, line: &str, stops: u64, typed: Instant) -> bool {
+    fn take_line(&mut self, line: &TypedLine) -> bool {
         self.listen_until = Instant::now() + ANSWER_OF_LINE;
-        match self.type_line(line, stops, typed) {
+        match self.type_line(line) {
             Ok(()) => true,
             Err(ClientError::Denied(reason)) => write(&self.writer, format!("? {reason}\r\n").as_bytes()),
             Err(_) => false,
@@ -324,19 +331,15 @@ impl Worker {
 
     /// Sends a line that the guest has typed. It belongs to no connection: one that changes something must not wait until nobody expects
     /// it, nor past a stop.
-    fn type_line(&self, line: &str, stops: u64, typed: Instant) -> Result<(), ClientError> {
-        if !line.bytes().all(|byte| matches!(byte, b' '..=b'~' | b'\t')) {
-            // A correction would make another line of it on the board than the one that was looked at here.
-            return Err(ClientError::Denied("a line has letters, digits and signs alone".to_owned()));
-        }
-        let send = |exchange: &mut Exchange| exchange.send_raw(format!("{line}\r").as_bytes());
-        if READING_LINES.contains(&first_word(line).as_str()) {
+    fn type_line(&self, line: &TypedLine) -> Result<(), ClientError> {
+        let kind = LineKind::of(&line.text).map_err(|error| ClientError::Denied(error.to_string()))?;
+        let send = |exchange: &mut Exchange| exchange.send_raw(format!("{}\r", line.text).as_bytes());
+        if kind == LineKind::Reads {
             return self.with_line(send);
         }
-        let stops_before = self.handle.stops();
-        self.change(stops, |exchange| {
-            let is_late = typed.elapsed().as_secs_f64() > COMMAND_PATIENCE_S;
-            if is_late || self.handle.stops() != stops_before { Err(overtaken()) } else { send(exchange) }
+        self.change(line.stops, |exchange| {
+            let is_late = line.at.elapsed().as_secs_f64() > COMMAND_PATIENCE_S;
+            if is_late || self.handle.stops() != line.all_stops { Err(overtaken()) } else { send(exchange) }
         })
     }
 }
@@ -352,10 +355,6 @@ fn refused(refusal: Refusal) -> Result<Vec<u8>, ClientError> {
     let mut bytes = [0; MAX_PAYLOAD];
     let used = postcard::to_slice(&reply, &mut bytes).map_err(|_| ClientError::Refused(refusal))?;
     Ok(used.to_vec())
-}
-
-fn first_word(line: &str) -> String {
-    line.split_whitespace().next().unwrap_or_default().to_ascii_lowercase()
 }
 
 fn write_frame(writer: &Mutex<UnixStream>, header: Header, payload: &[u8]) -> bool {

@@ -230,7 +230,7 @@ fn typed_lines_read_without_control_and_change_with_it() {
         ("coil 1 on 200", "? page 3 controls the arm"),
         ("Word 0110", "? page 3 controls the arm"),
         ("wrd 0110", "? page 3 controls the arm"),
-        ("help \x08\x08\x08\x08\x08coil 1 on", "? a line has letters, digits and signs alone"),
+        ("help \x08\x08\x08\x08\x08coil 1 on", "? a line has at most 200 letters, digits and signs, and nothing else"),
         ("stop", "ok\r\n"),
     ] {
         heard.lock().unwrap().clear();
