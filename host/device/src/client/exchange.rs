@@ -93,6 +93,16 @@ pub(super) type CountStops = Box<dyn Fn() -> u64 + Send>;
 /// same time, and stops, change it.
 const HELLOS: u32 = 8;
 
+/// What was known when `Hello` was said: nothing is changed on another connection, and by guests nothing beside another table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Known {
+    pub(super) connection: u32,
+    /// How many connections a stop has ended.
+    stopped: u64,
+    /// How often what the board has stored was changed.
+    pub(super) stores: u64,
+}
+
 /// The line with its numbering.
 pub(super) struct Exchange {
     link: Box<dyn Link>,
@@ -106,6 +116,8 @@ pub(super) struct Exchange {
     /// Their number when the connection was opened: after another one the board takes no command from it. `None` where the board has
     /// said so itself, as after a stop that did not come from here.
     stops_at_hello: Option<u64>,
+    /// How many connections a stop has ended.
+    stopped: u64,
     numbers: Numbers,
     retry_timer: RetryTimer,
     counts: Counts,
@@ -125,6 +137,7 @@ impl Exchange {
             stores: 0,
             count_stops: Box::new(|| 0),
             stops_at_hello: Some(0),
+            stopped: 0,
             // Answers to an earlier host's last requests may still be on the line.
             numbers: Numbers::from(connection as u16),
             retry_timer: RetryTimer::default(),
@@ -142,10 +155,25 @@ impl Exchange {
         self.counts
     }
 
-    /// The connection that is open, and how often what the board has stored was changed: a guest that has said `Hello` knows nothing of
-    /// another connection, nor of another table.
-    pub(super) fn known(&self) -> (u32, u64) {
-        (self.connection, self.stores)
+    /// What whoever says `Hello` now knows.
+    pub(super) fn known(&self) -> Known {
+        Known { connection: self.connection, stopped: self.stopped, stores: self.stores }
+    }
+
+    /// Whether whoever has said `Hello` then may change something now.
+    ///
+    /// # Errors
+    ///
+    /// What the board would refuse: a stop came since, or another connection was opened.
+    pub(super) fn check_known(&self, known: Known) -> Result<(), ClientError> {
+        let refusal = match known {
+            Known { stopped, .. } if self.is_stopped() || stopped != self.stopped => {
+                Refusal::Command(CommandError::Stopped)
+            }
+            Known { connection, .. } if connection != self.connection => Refusal::NotConnected,
+            Known { .. } => return Ok(()),
+        };
+        Err(ClientError::Refused(refusal))
     }
 
     /// How long the line takes to answer.
@@ -169,7 +197,7 @@ impl Exchange {
 
     /// Stops are counted by this from now on; it has counted none before the connection was opened.
     pub(super) fn count_stops_by(&mut self, count_stops: CountStops) {
-        self.count_stops = count_stops;
+        (self.count_stops, self.stops_at_hello) = (count_stops, Some(0));
     }
 
     /// Whether a stop has come since the connection was opened, as far as is known.
@@ -190,15 +218,11 @@ impl Exchange {
         }
     }
 
-    /// The number of the connection.
-    pub(super) fn connection(&self) -> u32 {
-        self.connection
-    }
-
     /// Opens another connection; the board's reply to `Hello`.
     pub(super) fn open_connection(&mut self) -> Result<Exchanged, ClientError> {
         // A step of an odd constant never meets an earlier number of this host within 2³² connections. 0 is the bootstrap set's.
         self.connection = self.connection.wrapping_add(0x9E37_79B9).max(1);
+        self.stopped += u64::from(self.is_stopped());
         self.stops_at_hello = Some((self.count_stops)());
         let (mut challenge, mut tries) = (0, 0);
         loop {
@@ -209,6 +233,15 @@ impl Exchange {
                 Some(_) | None => return Ok(exchanged),
             }
         }
+    }
+
+    /// Types a line that changes something, unless it is late. A stop between the look and the bytes is sent again behind them.
+    pub(super) fn type_change(&mut self, line: &str, is_late: impl Fn() -> bool) -> Result<(), ClientError> {
+        if is_late() {
+            return Err(ClientError::Denied("a stop came meanwhile, or it waited too long".to_owned()));
+        }
+        self.send_raw(format!("{line}\r").as_bytes())?;
+        if is_late() { self.stop_behind() } else { Ok(()) }
     }
 
     pub(super) fn send_raw(&mut self, bytes: &[u8]) -> Result<(), ClientError> {
@@ -294,9 +327,12 @@ impl Exchange {
 
     /// The next reply of this connection, until host time `end_s`.
     pub(super) fn next_reply(&mut self, end_s: f64) -> Result<Option<Arrival>, ClientError> {
-        let connection = self.connection;
-        let arrived = self.next_arrival(end_s, |header| header.tag == REPLY && header.link == connection)?;
-        Ok(arrived.map(|(_, arrival)| arrival))
+        let (connection, tags) = (self.connection, [REPLY, DENIED]);
+        let arrived = self.next_arrival(end_s, |header| tags.contains(&header.tag) && header.link == connection)?;
+        match arrived {
+            Some((Header { tag: DENIED, .. }, arrival)) => Err(denial(&arrival)),
+            arrived => Ok(arrived.map(|(_, arrival)| arrival)),
+        }
     }
 
     /// Why no answer came.
@@ -322,7 +358,7 @@ impl Exchange {
             let denied = Header { tag: DENIED, ..answered };
             if let Some((header, arrival)) = self.next_arrival(end_s, |header| [answered, denied].contains(header))? {
                 if header == denied {
-                    return Err(ClientError::Denied(String::from_utf8_lossy(&arrival.payload).into_owned()));
+                    return Err(denial(&arrival));
                 }
                 // Which of several requests an answer belongs to cannot be decided (RFC 6298, section 3).
                 if attempts == 1 {
@@ -382,6 +418,10 @@ impl Exchange {
         }
         Ok(())
     }
+}
+
+fn denial(arrival: &Arrival) -> ClientError {
+    ClientError::Denied(String::from_utf8_lossy(&arrival.payload).into_owned())
 }
 
 /// What the board refuses in a reply.

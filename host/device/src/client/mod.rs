@@ -26,7 +26,7 @@ pub mod stop;
 mod upload;
 
 use std::sync::{Arc, MutexGuard};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use darm_arm::image::UploadImage;
 use darm_core::nearest::{Coordinates, Found};
@@ -41,7 +41,7 @@ use crate::clock::{BoardClock, RoundTrip, host_now_s};
 use crate::link::{Link, LinkError};
 pub use error::{AnswerError, ClientError, TransportError};
 pub use exchange::Counts;
-use exchange::{Arrival, Exchange, Exchanged};
+use exchange::{Arrival, Exchange, Exchanged, Known};
 use line::Line;
 use question::Question;
 use sharing::Rights;
@@ -51,12 +51,15 @@ pub use upload::Progress;
 /// The time in a reply that no board has made: the process that has the port refuses a guest's request. A board starts before it answers.
 const NO_TIME: Micros = Micros(0);
 
+/// For this time a client that goes waits for a guest's exchange, to close the port.
+const CLOSE: Duration = Duration::from_millis(500);
+
 /// A connection to one board.
 pub struct Client {
     line: Arc<Line>,
     port: String,
     /// The connection that this client has opened: on one that a guest has opened since, as after a stop, it changes nothing.
-    connection: u32,
+    connection: Known,
     clock: BoardClock,
     /// Board time of the last answer of the protocol.
     answered_at: Micros,
@@ -101,6 +104,7 @@ impl Client {
         let version = version(&mut exchange)?;
         let line = Arc::new(Line::new(exchange));
         let (clock, answered_at) = (BoardClock::default(), Micros(0));
+        let connection = line.take().known();
         let mut client = Self { line, port, connection, clock, answered_at, identity, version, hello: None };
         if version.protocol == PROTOCOL {
             client.say_hello()?;
@@ -126,9 +130,14 @@ impl Client {
         self.hello_by(Exchange::join_connection)
     }
 
+    /// The number of the connection that this client has opened or joined.
+    pub fn connection(&self) -> u32 {
+        self.connection.connection
+    }
+
     /// Whether the connection is the one that this client has opened or joined.
     pub fn knows_connection(&self) -> bool {
-        self.exchange().connection() == self.connection
+        self.exchange().known().connection == self.connection.connection
     }
 
     fn hello_by(
@@ -137,7 +146,7 @@ impl Client {
     ) -> Result<Hello, ClientError> {
         let (said, connection) = {
             let mut exchange = self.exchange();
-            (say(&mut exchange), exchange.connection())
+            (say(&mut exchange), exchange.known())
         };
         self.connection = connection;
         let Exchanged { arrival, sent_s, .. } = said?;
@@ -238,20 +247,14 @@ impl Client {
         self.exchange().send_raw(format!("{line}\r").as_bytes())
     }
 
-    /// The same for a line that changes something: not after a stop, nor once it is late. A line belongs to no connection, so the board
-    /// cannot refuse it.
+    /// The same for a line that changes something, unless `is_late`: a stop came since a person has typed it, or it waited for too
+    /// long. A line belongs to no connection, so the board cannot refuse it.
     ///
     /// # Errors
     ///
-    /// [`ClientError::Denied`]: a stop came since this client has opened its connection, or the line is late.
-    /// [`ClientError::Transport`]: the port fails.
-    pub fn type_change(&mut self, line: &str, is_late: impl FnOnce() -> bool) -> Result<(), ClientError> {
-        let mut exchange = self.exchange();
-        // Now: it may have waited for the line.
-        if exchange.is_stopped() || exchange.connection() != self.connection || is_late() {
-            return Err(ClientError::Denied("a stop came meanwhile, or it waited too long".to_owned()));
-        }
-        exchange.send_raw(format!("{line}\r").as_bytes())
+    /// [`ClientError::Denied`]: it is late. [`ClientError::Transport`]: the port fails.
+    pub fn type_change(&mut self, line: &str, is_late: impl Fn() -> bool) -> Result<(), ClientError> {
+        self.exchange().type_change(line, is_late)
     }
 
     /// Listens for this time, for text and for nothing else.
@@ -413,8 +416,8 @@ impl Client {
     fn ask_anyhow<T>(&mut self, question: &Question<'_, T>) -> Result<T, ClientError> {
         let exchanged = {
             let mut exchange = self.exchange();
-            if question::is_change(&question.request) && exchange.connection() != self.connection {
-                return Err(ClientError::Refused(Refusal::NotConnected));
+            if question::is_change(&question.request) {
+                exchange.check_known(self.connection)?;
             }
             exchange.ask(&question.request)
         };
@@ -448,6 +451,15 @@ impl Client {
         match self.version.protocol {
             PROTOCOL => Ok(()),
             board => Err(ClientError::Refused(Refusal::Protocol { board })),
+        }
+    }
+}
+
+impl Drop for Client {
+    /// Closes the port, though a session of a guest may have the line for a moment longer: whoever opens it next serves its socket.
+    fn drop(&mut self) {
+        if let Some(mut exchange) = self.line.take_before(Instant::now() + CLOSE) {
+            exchange.replace_link(Box::new(Unplugged(self.port.clone())));
         }
     }
 }

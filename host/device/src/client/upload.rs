@@ -7,6 +7,7 @@ mod window;
 use std::sync::Arc;
 
 use darm_arm::image::UploadImage;
+use darm_core::sequencer::CommandError;
 use darm_core::wire::message::Refusal;
 
 use super::exchange::{Exchange, PATIENCE_S};
@@ -34,6 +35,10 @@ pub(super) fn upload(
     let mut restarts = 0;
     loop {
         match attempt(client, image, progress) {
+            // What follows the upload would act after the stop.
+            Err(ClientError::Refused(Refusal::NotConnected)) if client.exchange().is_stopped() => {
+                return Err(ClientError::Refused(Refusal::Command(CommandError::Stopped)));
+            }
             Err(ClientError::Refused(Refusal::NotConnected)) if restarts < RESTARTS => drop(client.say_hello()?),
             Err(ClientError::Refused(Refusal::NoUpload | Refusal::Damaged)) if restarts < RESTARTS => {}
             end => return end,

@@ -28,9 +28,8 @@ pub fn is_shared(socket: &Path) -> bool {
 /// Sends a line and reads the holder's; what follows it is not touched.
 fn ask(holder: &Path, line: &str) -> Option<(UnixStream, String)> {
     let mut stream = UnixStream::connect(holder).ok()?;
-    stream.set_read_timeout(Some(ANSWER)).ok()?;
     stream.set_write_timeout(Some(ANSWER)).ok()?;
     stream.write_all(format!("{line}\n").as_bytes()).ok()?;
-    let answer = socket::line(&mut stream).ok()?;
+    let answer = socket::line(&mut stream, ANSWER).ok()?;
     Some((stream, answer))
 }

@@ -29,16 +29,33 @@ impl LineKind {
     /// It is too long, or has other characters. A backspace would make another line of it on the board than the one that is looked at
     /// here.
     pub fn of(line: &str) -> Result<Self, NoLine> {
+        if is_stop(line) {
+            return Ok(Self::Stops);
+        }
         if line.len() > LONGEST || !line.bytes().all(|byte| matches!(byte, b' '..=b'~' | b'\t')) {
             return Err(NoLine);
         }
         let first = line.split_whitespace().next().unwrap_or_default().to_ascii_lowercase();
         Ok(match first.as_str() {
-            "stop" => Self::Stops,
             first if READING.contains(&first) => Self::Reads,
             _ => Self::Changes,
         })
     }
+}
+
+/// Whether a board may take the line for a stop: it hears one behind noise and after corrections. What only looks like one stops the
+/// arm too.
+fn is_stop(line: &str) -> bool {
+    let mut heard = String::new();
+    for character in line.chars() {
+        match character {
+            '\x08' | '\x7f' => drop(heard.pop()),
+            letter if letter.is_ascii_alphabetic() => heard.push(letter.to_ascii_lowercase()),
+            character if character.is_control() => {}
+            other => heard.push(other),
+        }
+    }
+    heard.contains("stop") || line.to_ascii_lowercase().contains("stop")
 }
 
 #[cfg(test)]
@@ -52,7 +69,10 @@ mod tests {
             ("  Nearest 100 200 0", LineKind::Reads),
             ("STOP", LineKind::Stops),
             ("stop now", LineKind::Stops),
-            ("stopp", LineKind::Changes),
+            ("stopp", LineKind::Stops),
+            ("plystop", LineKind::Stops),
+            ("sti\x08op", LineKind::Stops),
+            ("\u{1}stop", LineKind::Stops),
             ("statuscoil 1 on 5", LineKind::Changes),
             ("coil 1 off", LineKind::Changes),
             ("", LineKind::Changes),

@@ -71,12 +71,12 @@ struct Sharing {
     /// Ends with the client.
     line: Weak<Line>,
     rights: Arc<dyn Rights>,
-    handle: StopHandle,
 }
 
 /// Gives the line to guests that come to the socket of the port from now on.
 pub(super) fn share(line: &Arc<Line>, handle: &StopHandle, rights: Arc<dyn Rights>) {
-    let (sharing, counted) = (Sharing { line: Arc::downgrade(line), rights, handle: handle.clone() }, handle.clone());
+    let (sharing, counted) = (Sharing { line: Arc::downgrade(line), rights }, handle.clone());
+    line.set_handle(handle.clone());
     line.take().count_stops_by(Box::new(move || counted.stops()));
     handle.welcome_guests(Arc::new(move |stream, name| {
         let guest = Guest { key: rand::random(), name, process: socket::process_of(&stream) };

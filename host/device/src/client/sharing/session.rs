@@ -3,28 +3,30 @@
 //! One thread reads what the guest sends, so that a stop is found while the other waits for the line; that one asks the board in the
 //! order of arrival and writes the answers.
 
-use std::io::{Read as _, Write as _};
+use std::io::{ErrorKind, Read as _, Write as _};
 use std::net::Shutdown;
 use std::os::unix::net::UnixStream;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use darm_core::sequencer::Phase;
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{ANSWER, Request as Bootstrap, Servos, Stopped};
 use darm_core::wire::frame::{Header, MAX_PAYLOAD};
-use darm_core::wire::message::{self, REPLY, REQUEST, Refusal, Reply, Request};
+use darm_core::wire::message::{self, Answer, REPLY, REQUEST, Refusal, Reply, Request};
 
 use super::line_kind::{LONGEST, LineKind};
 use super::{Guest, Sharing};
-use crate::client::exchange::{COMMAND_PATIENCE_S, DENIED, Exchange, encode, refusal};
+use crate::client::exchange::{COMMAND_PATIENCE_S, DENIED, Exchange, Known, encode, refusal};
 use crate::client::question::{self, is_change};
 use crate::client::reader::{Piece, Reader};
 use crate::client::stop::{Confirmation, StopHandle};
 use crate::client::{ClientError, NO_TIME, TransportError};
 use crate::clock::host_now_s;
+use crate::link::LinkError;
 
 /// A requested stop takes at most this long: the guest sends it again.
 const STOP_WORK: Duration = Duration::from_millis(350);
@@ -41,66 +43,94 @@ const LISTEN: (Duration, f64) = (Duration::from_millis(20), 0.01);
 
 /// What waits for the line.
 enum Job {
-    /// A frame of the guest, and the number of stops before it.
-    Frame(Header, Vec<u8>, u64),
+    /// A frame of the guest.
+    Frame(Header, Vec<u8>, Arrived),
     /// A line that the guest has typed.
-    Line(TypedLine),
+    Line(String, Arrived),
     /// Text of the board.
     Text(Vec<u8>),
     /// The guest has gone.
     End,
 }
 
-/// A line, and what had happened before it.
-struct TypedLine {
-    text: String,
+/// A frame with its payload.
+type Frame = (Header, Vec<u8>);
+
+/// When something came, and what had happened before.
+#[derive(Clone, Copy)]
+struct Arrived {
     at: Instant,
-    /// Stops of this guest.
+    /// Stops of this guest; it counts as one that the guest goes.
+    own_stops: u64,
+    /// Stops of anybody that this process has sent.
     stops: u64,
-    /// Stops of anybody, as far as this process has sent them.
-    all_stops: u64,
+}
+
+/// What both threads of a session have.
+struct Session {
+    guest: Guest,
+    sharing: Sharing,
+    own_stops: AtomicU64,
+    writer: Mutex<UnixStream>,
+}
+
+impl Session {
+    fn now(&self) -> Arrived {
+        let stops = self.handle().map_or(0, |handle| handle.stops());
+        Arrived { at: Instant::now(), own_stops: self.own_stops.load(Ordering::Acquire), stops }
+    }
+
+    /// Whether what came then is not wanted any more, or nobody expects it: it waited too long, the guest has gone, or somebody has stopped the
+    /// arm since.
+    fn is_late(&self, arrived: Arrived) -> bool {
+        let now = self.now();
+        (now.own_stops, now.stops) != (arrived.own_stops, arrived.stops)
+            || arrived.at.elapsed().as_secs_f64() > COMMAND_PATIENCE_S
+    }
+
+    /// What stops the board at the port that is open now.
+    fn handle(&self) -> Option<StopHandle> {
+        self.sharing.line.upgrade()?.handle()
+    }
+
+    /// False where the guest has gone or does not read.
+    fn write(&self, bytes: &[u8]) -> bool {
+        lock(&self.writer).write_all(bytes).is_ok()
+    }
+
+    fn write_frame(&self, header: Header, payload: &[u8]) -> bool {
+        encode(header, &payload[..payload.len().min(MAX_PAYLOAD)]).is_ok_and(|frame| self.write(&frame))
+    }
 }
 
 /// Serves a guest until it goes, or the holder's client.
 pub(super) fn serve(stream: UnixStream, guest: Guest, sharing: Sharing) {
     let Ok(writer) = stream.try_clone() else { return };
-    if writer.set_write_timeout(Some(WRITE)).and_then(|()| stream.set_read_timeout(None)).is_err() {
+    if writer.set_write_timeout(Some(WRITE)).and_then(|()| stream.set_read_timeout(Some(STAY))).is_err() {
         return;
     }
-    let (handle, (jobs, to_do)) = (sharing.handle.clone(), sync_channel(WAITING));
-    let stops = Arc::new(AtomicU64::new(0));
-    let writer = Arc::new(Mutex::new(writer));
-    let mut worker = Worker {
-        guest,
-        handle: handle.clone(),
-        sharing,
-        stops: Arc::clone(&stops),
-        writer: Arc::clone(&writer),
-        hello: None,
-        answered: None,
-        listen_until: Instant::now(),
+    let (jobs, to_do) = sync_channel(WAITING);
+    let session = Arc::new(Session { guest, sharing, own_stops: AtomicU64::new(0), writer: Mutex::new(writer) });
+    session.sharing.rights.arrive(&session.guest);
+    let working = {
+        let (session, jobs) = (Arc::clone(&session), jobs.clone());
+        thread::spawn(move || {
+            let mut worker =
+                Worker { session, hello: None, answered: None, listen_until: Instant::now(), has_changed: false };
+            if worker.hear_text(jobs) {
+                worker.run(&to_do);
+            }
+            worker.leave();
+        })
     };
-    if !worker.hear_text(&jobs) {
-        return;
-    }
-    worker.sharing.rights.arrive(&worker.guest);
-    let working = thread::spawn(move || {
-        worker.run(&to_do);
-        worker.sharing.rights.leave(&worker.guest);
-        // Wakes the reader.
-        let _ = lock(&worker.writer).shutdown(Shutdown::Both);
-    });
-    Incoming { jobs, stops, writer, handle, reader: Reader::default(), line: Vec::new() }.run(stream);
+    Incoming { session, jobs, reader: Reader::default(), line: Vec::new() }.run(stream);
     let _ = working.join();
 }
 
 /// What the guest sends, in pieces.
 struct Incoming {
+    session: Arc<Session>,
     jobs: SyncSender<Job>,
-    /// Stops of this guest so far: what it has sent before one of them is not sent after it.
-    stops: Arc<AtomicU64>,
-    writer: Arc<Mutex<UnixStream>>,
-    handle: StopHandle,
     reader: Reader,
     line: Vec<u8>,
 }
@@ -108,19 +138,31 @@ struct Incoming {
 impl Incoming {
     fn run(mut self, mut stream: UnixStream) {
         let mut bytes = [0; 1024];
-        while let Ok(count @ 1..) = stream.read(&mut bytes) {
-            for piece in self.reader.read(host_now_s(), &bytes[..count]) {
-                match piece {
-                    Piece::Frame(header, payload) => self.take_frame(header, payload),
-                    Piece::Text(text) => text.into_iter().for_each(|byte| self.take_byte(byte)),
-                    // The guest sends it again.
-                    Piece::Damaged(_) => {}
+        loop {
+            // Also while the other thread waits for the line.
+            self.session.sharing.rights.stay(&self.session.guest);
+            match stream.read(&mut bytes) {
+                Ok(count @ 1..) => self.take(&bytes[..count]),
+                Err(error)
+                    if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted) => {
                 }
+                Ok(_) | Err(_) => break,
             }
         }
-        // What waits still is of a guest that has gone.
-        self.stops.fetch_add(1, Ordering::AcqRel);
+        self.session.own_stops.fetch_add(1, Ordering::AcqRel);
+        // The other thread may have ended already.
         let _ = self.jobs.send(Job::End);
+    }
+
+    fn take(&mut self, bytes: &[u8]) {
+        for piece in self.reader.read(host_now_s(), bytes) {
+            match piece {
+                Piece::Frame(header, payload) => self.take_frame(header, payload),
+                Piece::Text(text) => text.into_iter().for_each(|byte| self.take_byte(byte)),
+                // The guest sends it again.
+                Piece::Damaged(_) => {}
+            }
+        }
     }
 
     fn take_frame(&mut self, header: Header, payload: Vec<u8>) {
@@ -129,12 +171,12 @@ impl Incoming {
             let Some(confirmed) = self.stop() else { return };
             let answered = Header { tag: header.tag | ANSWER, ..header };
             if is_bootstrap {
-                write_frame(&self.writer, answered, &confirmed);
+                self.session.write_frame(answered, &confirmed);
             } else {
-                write_frame(&self.writer, answered, &message::done(NO_TIME));
+                self.session.write_frame(answered, &message::done(NO_TIME));
             }
         } else {
-            self.queue(Job::Frame(header, payload, self.stops.load(Ordering::Acquire)));
+            self.queue(Job::Frame(header, payload, self.session.now()));
         }
     }
 
@@ -147,10 +189,9 @@ impl Incoming {
                         Some(_) => "ok\r\n",
                         None => "? the stop is not confirmed; switch off the arm's supply\r\n",
                     };
-                    write(&self.writer, text.as_bytes());
+                    self.session.write(text.as_bytes());
                 } else if !line.is_empty() {
-                    let (stops, all_stops) = (self.stops.load(Ordering::Acquire), self.handle.stops());
-                    self.queue(Job::Line(TypedLine { text: line, at: Instant::now(), stops, all_stops }));
+                    self.queue(Job::Line(line, self.session.now()));
                 }
             }
             // One more than a line may have, so that it is refused.
@@ -161,8 +202,8 @@ impl Incoming {
 
     /// The answer to a stop, where the board has confirmed it.
     fn stop(&self) -> Option<[u8; 2]> {
-        self.stops.fetch_add(1, Ordering::AcqRel);
-        match self.handle.stop(STOP_WORK) {
+        self.session.own_stops.fetch_add(1, Ordering::AcqRel);
+        match self.session.handle()?.stop(STOP_WORK) {
             Ok(Confirmation::Confirmed) => Some(Stopped::encode(Servos::Ordered)),
             Ok(Confirmation::OutputsAlone) => Some(Stopped::encode(Servos::Uncontrolled)),
             Ok(Confirmation::Missing) | Err(_) => None,
@@ -177,35 +218,35 @@ impl Incoming {
 
 /// Asks the board for a guest.
 struct Worker {
-    guest: Guest,
-    sharing: Sharing,
-    handle: StopHandle,
-    stops: Arc<AtomicU64>,
-    writer: Arc<Mutex<UnixStream>>,
-    /// The guest's connection, and what the board had when it said `Hello`: [`Exchange::known`].
-    hello: Option<(u32, (u32, u64))>,
-    /// The last request and its answer, for a guest that sends it again.
-    answered: Option<(Header, Vec<u8>, Header, Vec<u8>)>,
+    session: Arc<Session>,
+    /// The number under which the guest has said `Hello`, and what it knows since.
+    hello: Option<(u32, Known)>,
+    /// The last request and its answer, where there was one, for a guest that sends it again.
+    answered: Option<(Frame, Option<Frame>)>,
     listen_until: Instant,
+    /// Whether it may have moved something.
+    has_changed: bool,
 }
 
 impl Worker {
     /// Hands the board's text to the guest from now on; false where the holder's client has gone.
-    fn hear_text(&self, jobs: &SyncSender<Job>) -> bool {
-        let Some(line) = self.sharing.line.upgrade() else { return false };
-        let jobs = jobs.clone();
-        line.take().add_guest(Box::new(move |text| jobs.try_send(Job::Text(text.to_vec())).is_ok()));
-        true
+    fn hear_text(&self, jobs: SyncSender<Job>) -> bool {
+        let hear =
+            move |text: &[u8]| !matches!(jobs.try_send(Job::Text(text.to_vec())), Err(TrySendError::Disconnected(_)));
+        let adds = |line: &mut Exchange| {
+            line.add_guest(Box::new(hear));
+            Ok(())
+        };
+        self.with_line(adds).is_ok()
     }
 
     fn run(&mut self, to_do: &Receiver<Job>) {
-        let mut stayed = Instant::now();
-        while self.sharing.line.strong_count() > 0 {
+        while self.session.sharing.line.strong_count() > 0 {
             let listens = Instant::now() < self.listen_until;
             let continues = match to_do.recv_timeout(if listens { LISTEN.0 } else { STAY }) {
-                Ok(Job::Frame(header, payload, stops)) => self.take_frame(header, &payload, stops),
-                Ok(Job::Line(line)) => self.take_line(&line),
-                Ok(Job::Text(text)) => write(&self.writer, &text),
+                Ok(Job::Frame(header, payload, arrived)) => self.take_frame(header, payload, arrived),
+                Ok(Job::Line(line, arrived)) => self.take_line(&line, arrived),
+                Ok(Job::Text(text)) => self.session.write(&text),
                 Ok(Job::End) | Err(RecvTimeoutError::Disconnected) => false,
                 Err(RecvTimeoutError::Timeout) if listens => self.with_line(|line| line.listen(LISTEN.1)).is_ok(),
                 Err(RecvTimeoutError::Timeout) => true,
@@ -213,84 +254,117 @@ impl Worker {
             if !continues {
                 return;
             }
-            if stayed.elapsed() > STAY {
-                stayed = Instant::now();
-                self.sharing.rights.stay(&self.guest);
-            }
         }
+    }
+
+    /// Nobody is left who would switch off what the guest has moved by hand. A program on the board continues.
+    fn leave(&self) {
+        let is_by_hand = || {
+            let status = self.with_line(|line| Ok(line.ask(&question::status().request)?.arrival));
+            let reply =
+                status.ok().and_then(|arrival| Some(postcard::from_bytes::<Reply>(&arrival.payload).ok()?.result));
+            // What is not known may be on.
+            !matches!(reply, Some(Ok(Answer::Status(status))) if status.phase != Phase::Manual)
+        };
+        if self.has_changed && is_by_hand() {
+            let _ = self.session.handle().map(|handle| handle.stop(STOP_WORK));
+        }
+        self.session.sharing.rights.leave(&self.session.guest);
+        // Wakes the reader.
+        let _ = lock(&self.session.writer).shutdown(Shutdown::Both);
     }
 
     /// Uses the line when it is the guest's turn.
     fn with_line<T>(&self, act: impl FnOnce(&mut Exchange) -> Result<T, ClientError>) -> Result<T, ClientError> {
-        let line = self.sharing.line.upgrade().ok_or_else(|| self.handle.closed())?;
+        let gone = || LinkError::Closed { port: "the port".to_owned() };
+        let line = self.session.sharing.line.upgrade().ok_or_else(gone)?;
         let mut exchange = line.take();
         act(&mut exchange)
     }
 
-    /// The same to change something, if the guest may, and has neither stopped the arm nor gone since it wanted to.
+    /// The same to change something, if the guest may.
     fn change<T>(
-        &self,
-        stops: u64,
+        &mut self,
+        arrived: Arrived,
         act: impl FnOnce(&mut Exchange) -> Result<T, ClientError>,
     ) -> Result<T, ClientError> {
-        self.sharing.rights.take_control(&self.guest).map_err(ClientError::Denied)?;
-        self.with_line(|line| {
-            // Now: it may have waited for the line.
-            if stops == self.stops.load(Ordering::Acquire) { act(line) } else { Err(overtaken()) }
-        })
+        let take_control =
+            || self.session.sharing.rights.take_control(&self.session.guest).map_err(ClientError::Denied);
+        // Who has no control does not wait for the line.
+        take_control()?;
+        let done = self.with_line(|line| {
+            // It may have waited for the line: longer than anybody expects it, past a stop, or past its control.
+            if self.session.is_late(arrived) {
+                return Err(overtaken());
+            }
+            take_control()?;
+            act(line)
+        });
+        self.has_changed |= !matches!(done, Err(ClientError::Denied(_)));
+        done
     }
 
     /// Whether the session continues.
-    fn take_frame(&mut self, header: Header, payload: &[u8], stops: u64) -> bool {
-        if let Some((asked, request, answer, reply)) = &self.answered
-            && (*asked, request.as_slice()) == (header, payload)
+    fn take_frame(&mut self, header: Header, payload: Vec<u8>, arrived: Arrived) -> bool {
+        let asked = (header, payload);
+        if let Some((before, answer)) = &self.answered
+            && *before == asked
         {
-            return write_frame(&self.writer, *answer, reply);
+            // One that has failed is not asked again by a copy that waited behind it.
+            return answer.as_ref().is_none_or(|(header, reply)| self.session.write_frame(*header, reply));
         }
-        let answer = match Bootstrap::decode(header.tag, payload) {
-            Some(request) => self.bootstrap(request, stops).map(|payload| (header.tag | ANSWER, payload)),
-            None if header.tag == REQUEST => self.request(header, payload, stops).map(|payload| (REPLY, payload)),
+        let answer = match Bootstrap::decode(header.tag, &asked.1) {
+            Some(request) => self.bootstrap(request, arrived).map(|payload| (header.tag | ANSWER, payload)),
+            None if header.tag == REQUEST => self.request(header, &asked.1, arrived).map(|payload| (REPLY, payload)),
             None => return true,
         };
-        let (tag, reply) = match answer {
-            Ok(answer) => answer,
-            Err(ClientError::Denied(reason)) => (DENIED, reason.into_bytes()),
+        let answer = match answer {
+            Ok(answer) => Some(answer),
+            Err(ClientError::Denied(reason)) => Some((DENIED, reason.into_bytes())),
             // The port has failed: the guest is to see it too.
             Err(ClientError::Transport(TransportError::Link(_))) => return false,
-            // The guest asks again, and gives up by itself.
-            Err(_) => return true,
+            // The guest gives up by itself.
+            Err(_) => None,
         };
-        let answer = Header { tag, ..header };
-        let continues = write_frame(&self.writer, answer, &reply);
-        self.answered = Some((header, payload.to_vec(), answer, reply));
+        let answer = answer.map(|(tag, reply)| (Header { tag, ..header }, reply));
+        let continues = answer.as_ref().is_none_or(|(header, reply)| self.session.write_frame(*header, reply));
+        self.answered = Some((asked, answer));
         continues
     }
 
-    fn bootstrap(&self, request: Bootstrap, stops: u64) -> Result<Vec<u8>, ClientError> {
+    fn bootstrap(&mut self, request: Bootstrap, arrived: Arrived) -> Result<Vec<u8>, ClientError> {
         let ask = |line: &mut Exchange| line.ask_bootstrap("a guest's question", request);
         match request {
             // A stop does not come here: it waits for no line.
             Bootstrap::Identify | Bootstrap::Version | Bootstrap::ReadFault | Bootstrap::Stop => self.with_line(ask),
-            Bootstrap::Reboot(_) => self.change(stops, ask),
+            Bootstrap::Reboot(_) => self.change(arrived, ask),
         }
     }
 
-    fn request(&mut self, header: Header, payload: &[u8], stops: u64) -> Result<Vec<u8>, ClientError> {
+    fn request(&mut self, header: Header, payload: &[u8], arrived: Arrived) -> Result<Vec<u8>, ClientError> {
         let request: Request = match postcard::from_bytes(payload) {
             Ok(request) => request,
             Err(_) => return refused(Refusal::Unknown),
         };
-        let hello = self.hello;
+        let changes = is_change(&request);
+        let hello = self.hello.filter(|(link, _)| *link == header.link);
         let ask = |line: &mut Exchange| {
-            if hello != Some((header.link, line.known())) {
+            let now = line.known();
+            let Some((_, known)) = hello.filter(|(_, known)| known.connection == now.connection || changes) else {
+                return Ok((refused(Refusal::NotConnected)?, None));
+            };
+            if changes && let Err(ClientError::Refused(refusal)) = line.check_known(known) {
+                return Ok((refused(refusal)?, None));
+            }
+            if changes && known.stores != now.stores {
                 return Ok((refused(Refusal::NotConnected)?, None));
             }
             let reply = line.ask(&request)?.arrival.payload;
-            Ok((reply, Some(line.known())))
+            Ok((reply, changes.then(|| line.known())))
         };
         let (reply, known) = match request {
             Request::Hello { protocol, .. } => return self.hello(header.link, protocol),
-            request if is_change(&request) => self.change(stops, ask)?,
+            _ if changes => self.change(arrived, ask)?,
             _ => self.with_line(ask)?,
         };
         self.hello = known.map(|known| (header.link, known)).or(self.hello);
@@ -306,7 +380,8 @@ impl Worker {
         let (reply, known) = self.with_line(|line| {
             // Under the same number it asks whether its connection is open still.
             let is_new = before.is_none_or(|(same, _)| same != link);
-            let has_ended = line.is_stopped() || before.is_some_and(|(_, known)| known.0 != line.known().0);
+            let has_ended =
+                line.is_stopped() || before.is_some_and(|(_, known)| known.connection != line.known().connection);
             if !is_new && has_ended {
                 return Ok((refused(Refusal::Challenge { challenge: 0 })?, None));
             }
@@ -320,27 +395,22 @@ impl Worker {
     }
 
     /// Whether the session continues.
-    fn take_line(&mut self, line: &TypedLine) -> bool {
+    fn take_line(&mut self, line: &str, arrived: Arrived) -> bool {
         self.listen_until = Instant::now() + ANSWER_OF_LINE;
-        match self.type_line(line) {
+        match self.type_line(line, arrived) {
             Ok(()) => true,
-            Err(ClientError::Denied(reason)) => write(&self.writer, format!("? {reason}\r\n").as_bytes()),
+            Err(ClientError::Denied(reason)) => self.session.write(format!("? {reason}\r\n").as_bytes()),
             Err(_) => false,
         }
     }
 
-    /// Sends a line that the guest has typed. It belongs to no connection: one that changes something must not wait until nobody expects
-    /// it, nor past a stop.
-    fn type_line(&self, line: &TypedLine) -> Result<(), ClientError> {
-        let kind = LineKind::of(&line.text).map_err(|error| ClientError::Denied(error.to_string()))?;
-        let send = |exchange: &mut Exchange| exchange.send_raw(format!("{}\r", line.text).as_bytes());
+    fn type_line(&mut self, line: &str, arrived: Arrived) -> Result<(), ClientError> {
+        let kind = LineKind::of(line).map_err(|error| ClientError::Denied(error.to_string()))?;
         if kind == LineKind::Reads {
-            return self.with_line(send);
+            return self.with_line(|exchange| exchange.send_raw(format!("{line}\r").as_bytes()));
         }
-        self.change(line.stops, |exchange| {
-            let is_late = line.at.elapsed().as_secs_f64() > COMMAND_PATIENCE_S;
-            if is_late || self.handle.stops() != line.all_stops { Err(overtaken()) } else { send(exchange) }
-        })
+        let session = Arc::clone(&self.session);
+        self.change(arrived, |exchange| exchange.type_change(line, || session.is_late(arrived)))
     }
 }
 
@@ -355,15 +425,6 @@ fn refused(refusal: Refusal) -> Result<Vec<u8>, ClientError> {
     let mut bytes = [0; MAX_PAYLOAD];
     let used = postcard::to_slice(&reply, &mut bytes).map_err(|_| ClientError::Refused(refusal))?;
     Ok(used.to_vec())
-}
-
-fn write_frame(writer: &Mutex<UnixStream>, header: Header, payload: &[u8]) -> bool {
-    encode(header, &payload[..payload.len().min(MAX_PAYLOAD)]).is_ok_and(|frame| write(writer, &frame))
-}
-
-/// False where the guest has gone or does not read.
-fn write(writer: &Mutex<UnixStream>, bytes: &[u8]) -> bool {
-    lock(writer).write_all(bytes).is_ok()
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use darm_arm::image::UploadImage;
-use darm_core::sequencer::Command;
+use darm_core::sequencer::{Command, CommandError};
 use darm_core::units::ModelHash;
 use darm_core::wire::message::Refusal;
 
@@ -74,7 +74,7 @@ impl Holder {
 }
 
 fn is_not_connected(result: &Result<(), ClientError>) -> bool {
-    matches!(result, Err(ClientError::Refused(Refusal::NotConnected)))
+    matches!(result, Err(ClientError::Refused(Refusal::NotConnected | Refusal::Command(CommandError::Stopped))))
 }
 
 fn until(wanted: impl Fn() -> bool) {
@@ -263,4 +263,264 @@ fn a_guest_sees_the_end_of_the_holder_as_the_end_of_the_port() {
     let error = guest.status().unwrap_err();
     assert!(matches!(error, ClientError::Transport(TransportError::Link(LinkError::Closed { .. }))), "{error:?}");
     assert!(handle.stop(STOP_BOUND).is_err() && attach("fake", &socket, "late").is_none());
+}
+
+/// Stops, guests and ports that come and go at the same time.
+mod at_once {
+    use std::io::{Read as _, Write as _};
+    use std::os::unix::net::UnixStream;
+    use std::sync::{Arc, Mutex};
+    use std::time::{Duration, Instant};
+
+    use darm_arm::image::UploadImage;
+    use darm_core::sequencer::Command;
+    use darm_core::units::ModelHash;
+    use darm_core::wire::bootstrap::RebootTarget;
+    use darm_core::wire::message::Request;
+
+    use super::{Holder, attach, until};
+    use crate::client::Client;
+    use crate::client::exchange::Exchange;
+    use crate::client::fake::FakeBoard;
+    use crate::client::question;
+    use crate::client::stop::{STOP_BOUND, hold, is_in_use};
+    use crate::link::{Link, LinkError};
+
+    const SOON: Duration = Duration::from_millis(300);
+
+    /// A board behind a line on which each read takes real time.
+    struct Slow(FakeBoard, Duration);
+
+    impl Link for Slow {
+        fn send(&mut self, bytes: &[u8]) -> Result<(), LinkError> {
+            self.0.send(bytes)
+        }
+        fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> Result<usize, LinkError> {
+            std::thread::sleep(self.1);
+            self.0.receive(buffer, timeout)
+        }
+        fn now_s(&self) -> f64 {
+            self.0.now_s()
+        }
+        fn name(&self) -> &str {
+            self.0.name()
+        }
+    }
+
+    /// A guest that sends frames and lines as it likes.
+    fn raw_guest(holder: &Holder) -> Exchange {
+        let (link, _) = attach("fake", &holder.socket, "raw").unwrap();
+        let mut raw = Exchange::new(link, 77);
+        raw.ask(&question::hello(0).request).unwrap();
+        raw
+    }
+
+    /// What counts is when the line arrived, not when its turn comes.
+    #[test]
+    fn a_typed_line_that_waits_behind_another_does_not_pass_a_stop() {
+        let holder = Holder::new();
+        let (mut guest, _) = holder.guest("guest");
+        let line = Arc::clone(&holder.client.line);
+        let taken = line.take();
+        guest.type_line("status").unwrap();
+        guest.type_line("coil 1 on 400").unwrap();
+        std::thread::sleep(SOON);
+        // A page, `darm stop` or another guest.
+        holder.handle.stop(STOP_BOUND).unwrap();
+        drop(taken);
+        until(|| holder.board.lock().unwrap().typed.starts_with(b"status\r"));
+        std::thread::sleep(SOON);
+        let typed = String::from_utf8(holder.board.lock().unwrap().typed.clone()).unwrap();
+        assert_eq!(typed, "status\r", "switched on after the stop");
+    }
+
+    /// The holder's own console waits for guests.
+    #[test]
+    fn a_line_typed_at_the_holder_does_not_pass_a_stop() {
+        let Holder { mut client, handle, board, rights: _rights, socket: _socket, _folder } = Holder::new();
+        let line = Arc::clone(&client.line);
+        // A guest's exchange: up to 2 s for its command, 8 s for its question, 30 s for its table.
+        let taken = line.take();
+        let (stops, counted) = (handle.stops(), handle.clone());
+        let typing = std::thread::spawn(move || client.type_change("coil 1 on 400", || counted.stops() != stops));
+        std::thread::sleep(SOON);
+        handle.stop(STOP_BOUND).unwrap();
+        drop(taken);
+        let _ = typing.join().unwrap();
+        assert_eq!(board.lock().unwrap().typed, b"", "switched on after the stop");
+    }
+
+    /// A reboot belongs to no connection: the board cannot refuse it.
+    #[test]
+    fn a_reboot_that_waits_for_the_line_does_not_pass_a_stop() {
+        let holder = Holder::new();
+        let (mut guest, _) = holder.guest("guest");
+        let line = Arc::clone(&holder.client.line);
+        let taken = line.take();
+        let waiting = std::thread::spawn(move || guest.reboot(RebootTarget::Application));
+        std::thread::sleep(SOON);
+        holder.handle.stop(STOP_BOUND).unwrap();
+        drop(taken);
+        let rebooted = waiting.join().unwrap();
+        assert!(rebooted.is_err(), "the board was rebooted after the stop");
+    }
+
+    /// Control may go while a guest waits for the line.
+    #[test]
+    fn control_that_is_lost_while_a_request_waits_for_the_line_is_lost() {
+        let holder = Holder::new();
+        let (mut guest, _) = holder.guest("guest");
+        let line = Arc::clone(&holder.client.line);
+        let taken = line.take();
+        let waiting = std::thread::spawn(move || guest.command(Command::Play));
+        std::thread::sleep(SOON);
+        *holder.rights.denied.lock().unwrap() = Some("page 3 controls the arm".to_owned());
+        drop(taken);
+        let _ = waiting.join().unwrap();
+        assert_eq!(holder.commands(), 0, "a guest without control has moved the arm");
+    }
+
+    /// The age of a command is known to the guest alone; one that is suspended (or is no `darm`) sends no stop behind it.
+    #[test]
+    fn a_command_that_has_waited_too_long_for_the_line_is_not_sent() {
+        let holder = Holder::new();
+        let mut raw = raw_guest(&holder);
+        let line = Arc::clone(&holder.client.line);
+        let taken = line.take();
+        let (_, frame) = raw.prepare(&Request::Command(Command::Play)).unwrap();
+        raw.send(&frame, false).unwrap();
+        // SIGSTOP, or Ctrl-Z.
+        std::thread::sleep(Duration::from_millis(3000));
+        drop(taken);
+        std::thread::sleep(SOON);
+        assert_eq!(holder.commands(), 0, "the arm moves 3 s after it was ordered to");
+    }
+
+    /// What follows an upload would act if it opened the connection again after a stop.
+    #[test]
+    fn a_stop_during_an_upload_keeps_what_follows_it_from_acting() {
+        let holder = Holder::new();
+        let (mut guest, _) = holder.guest("`darm calibrate`");
+        let image = UploadImage::table(&[], ModelHash(5));
+        let (handle, board) = (holder.handle.clone(), Arc::clone(&holder.board));
+        let mut stopped = false;
+        let uploaded = guest.upload(&image, &mut |_| {
+            if !std::mem::replace(&mut stopped, true) {
+                handle.stop(STOP_BOUND).unwrap();
+                board.lock().unwrap().end_connection();
+            }
+        });
+        assert!(stopped);
+        let played = uploaded.and_then(|_| guest.command(Command::Play));
+        assert!(played.is_err() && holder.commands() == 0, "the arm plays after the stop");
+    }
+
+    /// The board finds a stop at the end of any line, after corrections, and behind noise.
+    #[test]
+    fn a_typed_stop_is_heard_behind_anything() {
+        for line in ["plystop", "sti\x08op", "stopp\x08", "\u{1}stop"] {
+            let holder = Holder::new();
+            *holder.rights.denied.lock().unwrap() = Some("page 3 controls the arm".to_owned());
+            let (mut guest, _) = holder.guest("guest");
+            guest.type_line(line).unwrap();
+            let since = Instant::now();
+            while holder.board.lock().unwrap().stops == 0 && since.elapsed() < Duration::from_secs(1) {
+                std::thread::sleep(Duration::from_millis(5));
+            }
+            assert_eq!(holder.board.lock().unwrap().stops, 1, "{line:?} stops a board, and not through the holder");
+        }
+    }
+
+    /// Each asker has a thread.
+    #[test]
+    fn an_asker_that_says_nothing_more_keeps_no_stop_out() {
+        let holder = Holder::new();
+        let path = holder.socket.clone();
+        let mut slow = UnixStream::connect(&path).unwrap();
+        let trickle = std::thread::spawn(move || {
+            for _ in 0..12 {
+                let _ = slow.write_all(b"a");
+                std::thread::sleep(Duration::from_millis(200));
+            }
+        });
+        std::thread::sleep(Duration::from_millis(50));
+        let began = Instant::now();
+        let mut asker = UnixStream::connect(&holder.socket).unwrap();
+        asker.set_read_timeout(Some(Duration::from_secs(1))).unwrap();
+        asker.write_all(b"stop\n").unwrap();
+        let mut byte = [0];
+        let stopped = asker.read_exact(&mut byte).ok();
+        let took = began.elapsed();
+        trickle.join().unwrap();
+        assert!(stopped.is_some() && took < Duration::from_secs(1), "{stopped:?} after {took:?}");
+    }
+
+    /// A guest's exchange does not keep the socket of the port from whoever opens it next.
+    #[test]
+    fn a_port_that_is_opened_again_while_a_guest_asks_takes_stops() {
+        let folder = tempfile::tempdir().unwrap();
+        let socket = folder.path().join("port");
+        let (board, memory) = FakeBoard::new();
+        let (link, handle) = hold(Box::new(Slow(board, Duration::from_millis(150))), Some(&socket));
+        let client = Client::connect_as(link, 1).unwrap();
+        client.share(&handle, Arc::<super::TestRights>::default() as _);
+        let (guest, _) = attach("fake", &socket, "guest").unwrap();
+        let asking = std::thread::spawn(move || {
+            if let Ok(mut client) = Client::connect(guest) {
+                while client.status().is_ok() {}
+            }
+        });
+        std::thread::sleep(SOON);
+        drop(client);
+        // As the console does after `upload`.
+        let (_link, _handle) = hold(Box::new(FakeBoard::plug(&memory, None)), Some(&socket));
+        let _ = asking.join();
+        std::thread::sleep(SOON);
+        assert!(is_in_use(&socket), "nobody can stop the arm through the process that holds the port");
+    }
+
+    /// A session outlives the port with which it began.
+    #[test]
+    fn a_guest_that_was_there_before_the_port_was_lost_can_stop_afterwards() {
+        let Holder { mut client, handle, board, rights, socket, _folder } = Holder::new();
+        let (link, _) = attach("fake", &socket, "guest").unwrap();
+        let mut guest = Client::connect(link).unwrap();
+        let heard: Arc<Mutex<Vec<u8>>> = Arc::default();
+        let to = Arc::clone(&heard);
+        guest.set_on_text(move |text| to.lock().unwrap().extend(text));
+        client.unplug();
+        drop(handle);
+        let plug = FakeBoard::plug(&board, None);
+        let (link, handle) = hold(Box::new(plug), Some(&socket));
+        client.share(&handle, rights as _);
+        client.replug(link).unwrap();
+        guest.say_hello().unwrap();
+        guest.type_line("stop").unwrap();
+        let since = Instant::now();
+        while heard.lock().unwrap().is_empty() && since.elapsed() < Duration::from_secs(5) {
+            guest.listen(0.01).unwrap();
+        }
+        let said = String::from_utf8(heard.lock().unwrap().clone()).unwrap();
+        assert_eq!((said.as_str(), board.lock().unwrap().stops), ("ok\r\n", 1));
+    }
+
+    /// The socket may be that of whoever has taken the port since.
+    #[test]
+    fn who_lets_go_of_a_port_leaves_the_socket_of_the_next_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let socket = folder.path().join("port");
+        let (board, memory) = FakeBoard::new();
+        let first = hold(Box::new(board), Some(&socket));
+        // Two processes have started at the same moment: both have found nobody at the socket, and the second removes "what a
+        // process that was killed has left".
+        std::fs::remove_file(&socket).unwrap();
+        let second = hold(Box::new(FakeBoard::plug(&memory, None)), Some(&socket));
+        drop(first);
+        let mut asker = UnixStream::connect(&socket).expect("the socket of the one that is there is gone");
+        asker.write_all(b"shared?\n").unwrap();
+        let mut said = String::new();
+        asker.read_to_string(&mut said).unwrap();
+        assert_eq!(said, "alone\n");
+        drop(second);
+    }
 }

@@ -12,7 +12,6 @@ use darm_core::wire::frame::Header;
 
 use super::socket::Serving;
 use super::{Confirmation, REPEAT, socket, stop_at, stop_frame};
-use crate::client::ClientError;
 use crate::client::reader::{Piece, Reader};
 use crate::clock::host_now_s;
 use crate::link::{Link, LinkError, Urgent};
@@ -205,14 +204,9 @@ impl StopHandle {
         }
     }
 
-    /// Number of stops that were sent through the port so far.
-    pub(in crate::client) fn stops(&self) -> u64 {
+    /// Number of stops that this process has sent through the port so far, also for others.
+    pub fn stops(&self) -> u64 {
         self.shared().map_or(0, |shared| shared.stops.load(Ordering::SeqCst))
-    }
-
-    /// The error of a port that was closed.
-    pub(in crate::client) fn closed(&self) -> ClientError {
-        LinkError::Closed { port: self.port.clone() }.into()
     }
 
     /// Hands programs that attach to the socket of the port to this function from now on. A guest of another process has none.

@@ -9,12 +9,15 @@
 //! | `attach NAME` | `attached`, and the connection is the board's from then on (`crate::client::sharing`), or `alone` |
 
 use std::io::{Read as _, Write as _};
+use std::os::unix::fs::MetadataExt as _;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
+
+use rustix::fs::FlockOperation;
 
 use super::{Confirmation, HOLDER_BOUND, StopHandle};
 
@@ -26,12 +29,17 @@ const LONGEST_LINE: usize = 192;
 /// A socket that is served until this is dropped.
 pub(super) struct Serving {
     socket: PathBuf,
+    /// Which file it is: another process may have put its own there since.
+    inode: Option<u64>,
     end: Arc<AtomicBool>,
 }
 
 impl Drop for Serving {
     fn drop(&mut self) {
         self.end.store(true, Ordering::Release);
+        if inode(&self.socket) != self.inode {
+            return;
+        }
         // Wakes the thread; if it has ended already nobody needs to be woken.
         let _ = UnixStream::connect(&self.socket);
         // Where it cannot be removed the next holder of the port does it.
@@ -39,24 +47,34 @@ impl Drop for Serving {
     }
 }
 
+fn inode(socket: &Path) -> Option<u64> {
+    std::fs::symlink_metadata(socket).ok().map(|file| file.ino())
+}
+
 /// Serves stops at `socket`; `None` if another process serves there or the socket cannot be made.
 pub(super) fn serve(socket: &Path, handle: StopHandle) -> Option<Serving> {
+    let folder = socket.parent()?;
+    std::fs::create_dir_all(folder).ok()?;
+    // Of two processes that start at the same moment the second is to find the first.
+    let lock = std::fs::File::open(folder).ok()?;
+    rustix::fs::flock(&lock, FlockOperation::LockExclusive).ok()?;
     if is_served(socket) {
         return None;
     }
     // A process that was killed has left its socket behind.
     let _ = std::fs::remove_file(socket);
-    std::fs::create_dir_all(socket.parent()?).ok()?;
     let listener = UnixListener::bind(socket).ok()?;
-    let serving = Serving { socket: socket.to_owned(), end: Arc::default() };
+    let serving = Serving { socket: socket.to_owned(), inode: inode(socket), end: Arc::default() };
     let end = Arc::clone(&serving.end);
     thread::spawn(move || {
         for asker in listener.incoming() {
             if end.load(Ordering::Acquire) {
                 return;
             }
-            // An asker that has gone away does not hear the answer; the stop was sent all the same.
-            let _ = asker.and_then(|asker| answer(asker, &handle));
+            let (Ok(asker), handle) = (asker, handle.clone()) else { continue };
+            // A thread for each: one that says nothing keeps no stop out. An asker that has gone away does not hear the answer; the stop
+            // was sent all the same.
+            thread::spawn(move || drop(answer(asker, &handle)));
         }
     });
     Some(serving)
@@ -79,9 +97,8 @@ pub(in crate::client) fn process_of(other: &UnixStream) -> Option<u32> {
 }
 
 fn answer(mut asker: UnixStream, handle: &StopHandle) -> std::io::Result<()> {
-    asker.set_read_timeout(Some(HOLDER_BOUND))?;
     asker.set_write_timeout(Some(HOLDER_BOUND))?;
-    let wanted = line(&mut asker)?;
+    let wanted = line(&mut asker, HOLDER_BOUND)?;
     if let Some(name) = wanted.strip_prefix("attach ") {
         return attach(asker, name, handle);
     }
@@ -118,10 +135,9 @@ fn is_of_this_user(asker: &UnixStream) -> bool {
 /// Asks the process that serves at `socket`; `None` if there is none, it does not answer in time, or it could not send.
 pub(super) fn ask(socket: &Path, within: Duration) -> Option<Confirmation> {
     let mut holder = UnixStream::connect(socket).ok()?;
-    holder.set_read_timeout(Some(within)).ok()?;
     holder.set_write_timeout(Some(within)).ok()?;
     holder.write_all(b"stop\n").ok()?;
-    match line(&mut holder).ok()?.as_str() {
+    match line(&mut holder, within).ok()?.as_str() {
         "confirmed" => Some(Confirmation::Confirmed),
         "outputs alone" => Some(Confirmation::OutputsAlone),
         "sent" => Some(Confirmation::Missing),
@@ -129,12 +145,20 @@ pub(super) fn ask(socket: &Path, within: Duration) -> Option<Confirmation> {
     }
 }
 
-/// Reads a line and nothing of what follows it.
-pub(in crate::client) fn line(stream: &mut UnixStream) -> std::io::Result<String> {
-    let mut text = Vec::new();
-    let mut byte = [0];
-    while text.len() < LONGEST_LINE && stream.read(&mut byte)? > 0 && byte[0] != b'\n' {
+/// Reads a line within this time, and nothing of what follows it.
+pub(in crate::client) fn line(stream: &mut UnixStream, within: Duration) -> std::io::Result<String> {
+    let (mut text, mut byte, until) = (Vec::new(), [0], Instant::now() + within);
+    while text.len() < LONGEST_LINE {
+        let left = until.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            return Err(std::io::ErrorKind::TimedOut.into());
+        }
+        stream.set_read_timeout(Some(left))?;
+        if stream.read(&mut byte)? == 0 || byte[0] == b'\n' {
+            break;
+        }
         text.push(byte[0]);
     }
+    stream.set_read_timeout(None)?;
     Ok(String::from_utf8_lossy(&text).trim_end().to_owned())
 }
