@@ -68,9 +68,18 @@ struct State {
     port: String,
     /// Stops the board past the watcher, while the port is open.
     handle: Option<StopHandle>,
+    /// Stops through ports that were open before.
+    former_stops: u64,
     picture: (u64, Option<Arc<Result<Picture, String>>>),
     program: (u64, Option<Arc<Program>>),
     measured: Measured,
+}
+
+impl State {
+    /// The port is not used any more.
+    fn let_go(&mut self) {
+        self.former_stops += self.handle.take().map_or(0, |handle| handle.stops());
+    }
 }
 
 /// What a hub is made of.
@@ -97,6 +106,7 @@ impl Hub {
             console: Console::default(),
             port: String::new(),
             handle: None,
+            former_stops: 0,
             picture: (0, None),
             program: (0, None),
             measured: Measured::default(),
@@ -197,9 +207,11 @@ impl Hub {
         self.stop().is_ok_and(|confirmation| confirmation != Confirmation::Missing)
     }
 
-    /// Number of stops so far.
+    /// Number of stops so far: of pages, and of others through the port. One may count twice.
     pub(crate) fn stops(&self) -> u64 {
-        self.stops.load(Ordering::SeqCst)
+        let state = self.state();
+        let of_port = state.handle.as_ref().map_or(0, StopHandle::stops);
+        self.stops.load(Ordering::SeqCst) + state.former_stops + of_port
     }
 
     /// Queues an order of the page with this key, or one that needs no control; its result comes through the receiver.
@@ -331,6 +343,7 @@ impl Hub {
     /// The port of this name is open.
     pub(crate) fn set_open(&self, port: &str, handle: StopHandle) {
         let mut state = self.state();
+        state.let_go();
         (state.port, state.handle) = (port.to_owned(), Some(handle));
     }
 
@@ -355,7 +368,8 @@ impl Hub {
     pub(crate) fn set_lost(&self, reason: String) {
         {
             let mut state = self.state();
-            (state.link, state.handle, state.upload) = (LinkView::Lost { reason }, None, None);
+            state.let_go();
+            (state.link, state.upload) = (LinkView::Lost { reason }, None);
         }
         self.wake();
     }

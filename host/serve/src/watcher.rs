@@ -221,11 +221,15 @@ impl Watcher {
         if let Some(hello) = client.hello() {
             file.check_profile(hello.profile)?;
         }
-        let hub = Arc::clone(&self.hub);
+        let (hub, connection) = (Arc::clone(&self.hub), client.connection());
         let uploaded = client.upload(&file.image, &mut |progress| {
             hub.set_upload(Some(UploadView { done: progress.done, total: progress.total }));
         });
         self.hub.set_upload(None);
+        if client.connection() != connection {
+            // It was opened again on the way.
+            self.opened = Instant::now();
+        }
         // The answer to hello names the table that the board has now.
         uploaded.and_then(|_| client.renew_hello()).map_err(|error| self.refused(error))?;
         self.record(client, program, file);

@@ -5,7 +5,7 @@ use std::thread;
 use std::time::Duration;
 
 use darm_arm::table_file;
-use darm_core::sequencer::Command;
+use darm_core::sequencer::{Command, CommandError};
 use darm_core::wire::message::Refusal;
 use darm_device::client::{Client, ClientError};
 use serde_json::json;
@@ -84,7 +84,7 @@ fn a_stop_of_a_page_ends_what_a_program_does() {
     thread::sleep(Duration::from_millis(300));
     bench.phase("idle");
     let refused = guest.command(Command::Play).unwrap_err();
-    assert!(matches!(refused, ClientError::Refused(Refusal::NotConnected)), "{refused:?}");
+    assert!(matches!(refused, ClientError::Refused(Refusal::Command(CommandError::Stopped))), "{refused:?}");
     guest.say_hello().unwrap();
     guest.command(Command::Play).unwrap();
     guest.stop().unwrap();
