@@ -63,14 +63,9 @@ impl PortArgs {
         }
     }
 
-    /// Connects to the board at the port, to change something.
+    /// Connects to the board at the port, for a moment: who comes meanwhile waits until it is free, as a guest would lose it.
     pub(crate) fn connect(&self) -> anyhow::Result<Client> {
-        Ok(connect(&self.name()?, Role::Controls)?.0)
-    }
-
-    /// Connects to the board at the port, to read.
-    pub(crate) fn watch(&self) -> anyhow::Result<Client> {
-        Ok(connect(&self.name()?, Role::Watches)?.0)
+        Ok(Client::connect(open_free(&self.name()?)?.0)?)
     }
 }
 

@@ -201,7 +201,7 @@ impl Nearest {
 
     /// The board's answer. The pose of its word, coming from rest, is computed with the arm file and its effects.
     fn ask_board(&self, arm: &Arm, target: &Pose<f64>) -> anyhow::Result<OnBoard> {
-        let mut client = self.port.watch()?;
+        let mut client = self.port.connect()?;
         let model = client.hello().and_then(|hello| hello.model);
         if model != Some(arm.hash()) {
             let table = model.map_or("no table".to_owned(), |model| format!("a table for model {model}"));

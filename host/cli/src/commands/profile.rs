@@ -131,7 +131,7 @@ impl Command {
                 written?;
                 ui.print(&Made::new(&profile, None, "stored; the board has restarted with it"))
             }
-            Action::Show { port } => show(&mut port.watch()?, ui),
+            Action::Show { port } => show(&mut port.connect()?, ui),
         }
     }
 }

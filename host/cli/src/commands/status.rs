@@ -12,7 +12,8 @@ use darm_device::client::{Client, ClientError};
 use serde::Serialize;
 
 use crate::failure::SafeState;
-use crate::port::PortArgs;
+use crate::guests::Role;
+use crate::port::{self, PortArgs};
 use crate::ui::{Answer, Ui};
 
 const EXAMPLES: &str = "\
@@ -123,8 +124,8 @@ struct ServoReport {
 
 impl Status {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
-        let mut client = self.port.watch()?;
-        let Some(interval_s) = self.watch else { return self.show(&mut client, ui) };
+        let Some(interval_s) = self.watch else { return self.show(&mut self.port.connect()?, ui) };
+        let mut client = port::connect(&self.port.name()?, Role::Watches)?.0;
         loop {
             if !ui.json && std::io::stdout().is_terminal() {
                 // The screen is cleared, the cursor goes to its begin.

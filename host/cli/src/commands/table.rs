@@ -133,7 +133,7 @@ impl Table {
         output_file::refuse_other_than_visits(&visits_file(output))?;
         let WiredArm { arm, profile, .. } = WiredArm::read(arm, self.profile.as_deref())?;
         let planned = self.planned_visits(&arm, &profile, ui)?;
-        let device = if self.bind { Some(self.port.watch()?.identity().device) } else { None };
+        let device = if self.bind { Some(self.port.connect()?.identity().device) } else { None };
         let modules = if self.nearest { board::records(&arm)? } else { Vec::new() };
         // A program of frames or words goes from one to the next; a measurement plan may rest between.
         let may_rest = self.measurement_plan;

@@ -319,7 +319,7 @@ fn with_board(port: &str, link: Box<dyn Link>, handle: StopHandle) -> Result<(Po
     match Client::connect(link) {
         Ok(client) if client.hello().is_some() => {
             port::share(&client, &handle, Role::Controls);
-            Ok((Port::Board(Box::new(client)), handle))
+            Ok((Port::Board(Box::new(client), handle.clone()), handle))
         }
         Ok(_) | Err(_) => port::open(port).map(|(link, handle)| (Port::Text(link), handle)),
     }

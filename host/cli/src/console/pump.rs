@@ -6,6 +6,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
+use darm_device::client::sharing::LineKind;
+use darm_device::client::stop::StopHandle;
 use darm_device::client::{Client, ClientError, TransportError};
 use darm_device::link::{Link, LinkError};
 
@@ -18,6 +20,9 @@ const ANSWER: Duration = Duration::from_millis(1500);
 /// An answer has ended when nothing arrived for this long.
 const QUIET: Duration = Duration::from_millis(120);
 
+/// A line that changes something is not sent later: an arm that moves late surprises people.
+const LATE: Duration = Duration::from_secs(2);
+
 /// Interval at which the state of the board is requested.
 const LOOK: Duration = Duration::from_millis(500);
 
@@ -25,15 +30,23 @@ const LOOK: Duration = Duration::from_millis(500);
 pub(crate) enum Port {
     /// Lines of text and nothing else.
     Text(Box<dyn Link>),
-    /// With a board that answers frames: its state is requested between lines.
-    Board(Box<Client>),
+    /// With a board that answers frames: its state is requested between lines. The handle counts stops.
+    Board(Box<Client>, StopHandle),
 }
 
 enum Job {
     /// Send this line.
-    Line(String),
+    Line(TypedLine),
     /// Ask for the state now.
     Look(Sender<()>),
+}
+
+/// A line, and when it was typed.
+struct TypedLine {
+    text: String,
+    at: Instant,
+    /// Number of stops before it.
+    stops: u64,
 }
 
 /// Where text from the board goes.
@@ -49,6 +62,14 @@ pub(crate) struct Pump {
 struct Running {
     jobs: Sender<Job>,
     thread: JoinHandle<Result<(), LinkError>>,
+    handle: Option<StopHandle>,
+}
+
+impl Running {
+    fn send(&self, line: &str) -> bool {
+        let stops = self.handle.as_ref().map_or(0, StopHandle::stops);
+        self.jobs.send(Job::Line(TypedLine { text: line.to_owned(), at: Instant::now(), stops })).is_ok()
+    }
 }
 
 struct Screen {
@@ -74,12 +95,13 @@ impl Pump {
     pub(crate) fn start(&mut self, port: Port) {
         let (jobs, to_do) = channel();
         let (screen, board) = (Arc::clone(&self.screen), self.board.clone());
+        let handle = if let Port::Board(_, handle) = &port { Some(handle.clone()) } else { None };
         self.board.set(None);
         let thread = thread::spawn(move || match port {
             Port::Text(link) => run(link, &to_do, &screen),
-            Port::Board(client) => Conversation::new(*client, screen, board).run(&to_do),
+            Port::Board(client, handle) => Conversation::new(*client, handle, screen, board).run(&to_do),
         });
-        self.running = Some(Running { jobs, thread });
+        self.running = Some(Running { jobs, thread, handle });
     }
 
     /// Waits until the state of the board is that of now.
@@ -93,7 +115,7 @@ impl Pump {
 
     /// Ends the thread and closes the port; returns the error of a port that had failed.
     pub(crate) fn stop(&mut self) -> Result<(), LinkError> {
-        let Some(Running { jobs, thread }) = self.running.take() else { return Ok(()) };
+        let Some(Running { jobs, thread, .. }) = self.running.take() else { return Ok(()) };
         drop(jobs);
         thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     }
@@ -107,7 +129,7 @@ impl Pump {
     pub(crate) fn ask(&self, line: &str) -> bool {
         let count = || self.screen.shown.load(Ordering::Acquire);
         let before = count();
-        if self.running.as_ref().is_none_or(|running| running.jobs.send(Job::Line(line.to_owned())).is_err()) {
+        if !self.running.as_ref().is_some_and(|running| running.send(line)) {
             return false;
         }
         let asked = Instant::now();
@@ -131,7 +153,7 @@ fn run(mut link: Box<dyn Link>, to_do: &Receiver<Job>, screen: &Screen) -> Resul
     let mut bytes = [0; 256];
     loop {
         match to_do.try_recv() {
-            Ok(Job::Line(line)) => link.send(format!("{line}\r").as_bytes())?,
+            Ok(Job::Line(line)) => link.send(format!("{}\r", line.text).as_bytes())?,
             Ok(Job::Look(_)) => {}
             Err(TryRecvError::Empty) => {}
             Err(TryRecvError::Disconnected) => return Ok(()),
@@ -148,6 +170,7 @@ fn run(mut link: Box<dyn Link>, to_do: &Receiver<Job>, screen: &Screen) -> Resul
 /// Lines of text and questions for the state, in turn on one port.
 struct Conversation {
     client: Client,
+    handle: StopHandle,
     screen: Arc<Screen>,
     board: Shared,
     looked: Instant,
@@ -155,19 +178,19 @@ struct Conversation {
 }
 
 impl Conversation {
-    fn new(mut client: Client, screen: Arc<Screen>, board: Shared) -> Self {
+    fn new(mut client: Client, handle: StopHandle, screen: Arc<Screen>, board: Shared) -> Self {
         let (mut text, shown) = (Text::default(), Arc::clone(&screen));
         client.set_on_text(move |bytes| {
             bytes.iter().filter_map(|&byte| text.push(byte)).for_each(|line| shown.show(&line));
         });
-        Self { client, screen, board, looked: Instant::now(), phase: None }
+        Self { client, handle, screen, board, looked: Instant::now(), phase: None }
     }
 
     /// Runs until the port fails or the sender of jobs is gone.
     fn run(mut self, to_do: &Receiver<Job>) -> Result<(), LinkError> {
         loop {
             match to_do.try_recv() {
-                Ok(Job::Line(line)) => only_link(self.client.type_line(&line))?,
+                Ok(Job::Line(line)) => self.type_line(&line)?,
                 Ok(Job::Look(done)) => {
                     self.look()?;
                     // Nobody waits any more where the answer took too long.
@@ -179,6 +202,21 @@ impl Conversation {
             }
             only_link(self.client.listen(POLL.as_secs_f64()))?;
         }
+    }
+
+    /// Sends a line. One that changes something may have waited for commands that use this port: not past a stop, nor for long.
+    fn type_line(&mut self, line: &TypedLine) -> Result<(), LinkError> {
+        let typed = match LineKind::of(&line.text) {
+            Ok(LineKind::Changes) => {
+                let handle = self.handle.clone();
+                self.client.type_change(&line.text, || handle.stops() != line.stops || line.at.elapsed() > LATE)
+            }
+            Ok(LineKind::Reads | LineKind::Stops) | Err(_) => self.client.type_line(&line.text),
+        };
+        if let Err(ClientError::Denied(reason)) = &typed {
+            self.screen.show(&format!("? {reason}"));
+        }
+        only_link(typed)
     }
 
     /// Asks for the state, and shows when the board does something else than before.
