@@ -127,9 +127,13 @@ impl World {
 
     /// A profile beyond the limits of the arm. With somebody at the button it would be taken.
     fn send_profile(&mut self, rng: &mut ChaCha8Rng) {
+        let now_ns = self.now_ns();
         // A press that began in this tick is not seen by the judge yet.
-        let presses = |active: &Active| matches!(active.act, WorldAct::Press(_) | WorldAct::LooseJumper(_));
-        if self.is_attended || self.person.is_present(self.now_ns()) || self.active.iter().any(presses) {
+        let begins = |active: &Active| {
+            let is_press = matches!(active.act, WorldAct::Press(_) | WorldAct::LooseJumper(_));
+            is_press && active.end_ns - u64::from(active.act.lasts_ms()) * 1_000_000 == now_ns
+        };
+        if self.is_attended || self.person.is_present(now_ns) || self.active.iter().any(begins) {
             return;
         }
         let wider = hostile::tables::wider_profile(rng, &self.wiring);
