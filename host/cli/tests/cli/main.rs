@@ -29,6 +29,7 @@ mod recording;
 mod robots;
 mod serve_kills;
 mod serve_load;
+mod serve_recording;
 mod serve_without_board;
 mod sim;
 mod stop;

@@ -68,12 +68,12 @@ impl Serving {
     }
 
     /// Takes control; the header that shows it.
-    fn take_control(&self) -> String {
+    pub(super) fn take_control(&self) -> String {
         let granted = self.ask("POST", "/api/control", "", br#"{"do":"take"}"#).unwrap();
         format!("x-darm-control: {}\r\n", granted["key"].as_str().unwrap())
     }
 
-    fn kill(&mut self) {
+    pub(super) fn kill(&mut self) {
         // SIGKILL: nothing is tidied up.
         self.process.kill().unwrap();
         self.process.wait().unwrap();
