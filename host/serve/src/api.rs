@@ -11,6 +11,7 @@
 //! | `GET /stop-line`    | yes           | a WebSocket: each message is a stop, see `stop_line.rs`                |
 //! | `POST /api/control` | no            | takes, renews or releases control, leaves a page with it, resumes it on the next, asks for it, hands it over or refuses to |
 //! | `POST /api/here`    | no            | says that a page is there, and what it is called; pages show the list    |
+//! | `GET /api/samples`  | no            | what was seen over the last hour, after `?after=NUMBER`                  |
 //! | `GET /api/console`  | no            | lines of the console after `?after=NUMBER`                              |
 //! | `POST /api/console` | only for a line that may change something | types a line, as at the board's console             |
 //! | `POST /api/open`    | no            | opens a table file: its bytes; nothing is sent to the board             |
@@ -40,6 +41,7 @@ use crate::hub::Hub;
 use crate::order::Task;
 use crate::program::Program;
 use crate::refusal::{Kind, Refused};
+use crate::samples::SamplesView;
 
 /// A page gets an answer after this time, also where nothing has changed: it shows the age.
 const PATIENCE: Duration = Duration::from_millis(250);
@@ -335,6 +337,10 @@ pub(crate) async fn command(State(hub): Shared, headers: HeaderMap, Json(request
         CommandRequest::Servo { servo, angle_rad } => Task::Command(Command::Servo { servo, angle_rad }),
     };
     execute(&hub, &headers, task).await
+}
+
+pub(crate) async fn samples(State(hub): Shared, Query(After { after }): Query<After>) -> Json<SamplesView> {
+    Json(hub.samples(after))
 }
 
 pub(crate) async fn console(State(hub): Shared, Query(After { after }): Query<After>) -> Json<Vec<ConsoleLine>> {

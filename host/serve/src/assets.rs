@@ -26,7 +26,7 @@ macro_rules! asset {
 }
 
 /// All of them.
-pub const ASSETS: [Asset; 24] = [
+pub const ASSETS: [Asset; 25] = [
     asset!("/style.css", "text/css; charset=utf-8", "../pages/style.css"),
     asset!("/icon.svg", "image/svg+xml", "../pages/icon.svg"),
     asset!("/server.js", SCRIPT, "../pages/server.js"),
@@ -35,6 +35,7 @@ pub const ASSETS: [Asset; 24] = [
     asset!("/format.js", SCRIPT, "../pages/format.js"),
     asset!("/live.js", SCRIPT, "../pages/live.js"),
     asset!("/console.js", SCRIPT, "../pages/console.js"),
+    asset!("/plots.js", SCRIPT, "../pages/plots.js"),
     asset!("/measured.js", SCRIPT, "../pages/measured.js"),
     asset!("/arm.js", SCRIPT, "../pages/arm.js"),
     asset!("/program.js", SCRIPT, "../pages/program.js"),

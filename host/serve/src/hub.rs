@@ -19,10 +19,11 @@ use crate::control::{Control, ControlError};
 use crate::history::History;
 use crate::measured::Measured;
 use crate::order::{Order, Task};
-use crate::picture::Picture;
+use crate::picture::{Picture, Tool};
 use crate::program::Program;
 use crate::recording::Recordings;
 use crate::refusal::{Kind, Refused};
+use crate::samples::{Samples, SamplesView};
 use crate::served_arm::ServedArm;
 use crate::unix_time;
 use crate::view::{BoardView, ControlView, EventView, LinkView, LiveView, UploadView};
@@ -64,6 +65,7 @@ struct State {
     control: Control,
     attached: Attached,
     console: Console,
+    samples: Samples,
     /// Name of the port that was opened last; empty before.
     port: String,
     /// Stops the board past the watcher, while the port is open.
@@ -76,6 +78,12 @@ struct State {
 }
 
 impl State {
+    /// Where the model has the tool in the posture of the picture.
+    fn predicted(&self) -> Option<Tool> {
+        let picture = self.picture.1.as_deref()?.as_ref().ok()?;
+        Some(picture.tool)
+    }
+
     /// The port is not used any more.
     fn let_go(&mut self) {
         self.former_stops += self.handle.take().map_or(0, |handle| handle.stops());
@@ -104,6 +112,7 @@ impl Hub {
             control: Control::default(),
             attached: Attached::default(),
             console: Console::default(),
+            samples: Samples::default(),
             port: String::new(),
             handle: None,
             former_stops: 0,
@@ -267,6 +276,11 @@ impl Hub {
         }
     }
 
+    /// What was seen, from the sample with this number on.
+    pub(crate) fn samples(&self, from: u64) -> SamplesView {
+        self.state().samples.from(from)
+    }
+
     /// Lines of the console from this number on.
     pub(crate) fn console(&self, from: u64) -> Vec<ConsoleLine> {
         self.state().console.from(from)
@@ -278,8 +292,7 @@ impl Hub {
         let age = state.seen.map(|seen| now.saturating_duration_since(seen));
         let is_old = age.is_none_or(|age| age > LIVE);
         let link = if state.link == LinkView::Live && is_old { LinkView::Silent } else { state.link.clone() };
-        let predicted =
-            state.picture.1.as_deref().and_then(|picture| picture.as_ref().ok()).map(|picture| &picture.tool);
+        let predicted = state.predicted();
         LiveView {
             revision: *self.revision.borrow(),
             link,
@@ -297,7 +310,7 @@ impl Hub {
             upload: state.upload,
             recordings: self.recordings.view(),
             console: state.console.count(),
-            measured: state.measured.view(predicted, unix_time::now_s()),
+            measured: state.measured.view(predicted.as_ref(), unix_time::now_s()),
             board: state.board.clone(),
             events: state.events.iter().cloned().collect(),
         }
@@ -351,6 +364,10 @@ impl Hub {
     pub(crate) fn set_board(&self, board: BoardView, new_events: Vec<EventView>) {
         {
             let mut state = self.state();
+            let predicted = state.predicted();
+            let now_s = unix_time::now_s();
+            let measured = state.measured.view(predicted.as_ref(), now_s);
+            state.samples.push(now_s, &board, measured.as_ref());
             state.events.extend(new_events);
             let old = state.events.len().saturating_sub(EVENTS);
             state.events.drain(..old);

@@ -37,6 +37,7 @@ mod reach;
 pub mod recording;
 mod recording_api;
 pub mod refusal;
+mod samples;
 mod served_arm;
 pub mod server;
 mod stop_line;

@@ -139,6 +139,19 @@ fn live() -> Markup {
             }
         }
         (tables())
+        section aria-labelledby="plots-title" {
+            h2 #plots-title { "Over time" }
+            div.buttons {
+                label for="span" { "Shown" }
+                select #span {
+                    option value="60" { "1 minute" } option value="600" selected { "10 minutes" } option value="3600" { "1 hour" }
+                }
+                button #freeze type="button" aria-pressed="false" { "Freeze" }
+                button #export type="button" { "Save as CSV" }
+            }
+            p #cursor .note.values aria-live="off" {}
+            div #plots tabindex="0" role="group" aria-label="Plots over time; arrow keys move the cursor, + and − change the time that is shown" {}
+        }
         section aria-labelledby="console-title" {
             h2 #console-title { "Console" }
             div #console .console.values tabindex="0" role="log" aria-labelledby="console-title" {}

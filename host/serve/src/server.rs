@@ -217,6 +217,7 @@ fn router(hub: Arc<Hub>, access: Access, line: Sender<Opened>) -> Router {
         .route("/api/stop", post(api::stop))
         .route("/api/control", post(api::control))
         .route("/api/here", post(api::here))
+        .route("/api/samples", get(api::samples))
         .route("/api/console", get(api::console).post(api::type_line))
         .route("/api/open", post(api::open))
         .route("/api/upload", post(api::upload))

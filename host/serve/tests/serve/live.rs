@@ -111,3 +111,19 @@ fn the_supply_counts_down_until_it_can_feed_more_outputs() {
     let later = bench.live(|live| live["board"]["supply"]["room"] == 2);
     assert_eq!(later["board"]["outputs"][2]["wait_s"], 0.0);
 }
+
+/// The plots of a page that is opened later begin before it.
+#[test]
+fn what_was_seen_is_kept_for_plots() {
+    let bench = Bench::start("planar4-hybrid.toml");
+    bench.phase("idle");
+    let later = bench.live(|_| bench.get("/api/samples?after=0")["next"].as_u64() > Some(5));
+    assert_eq!(later["link"]["state"], "live");
+    let samples = bench.get("/api/samples?after=2");
+    let (series, values) = (samples["series"].as_array().unwrap(), samples["values"].as_array().unwrap());
+    assert_eq!((samples["first"].as_u64(), series.len()), (Some(2), values.len()));
+    let of = |plot: &str| series.iter().position(|one| one["plot"] == plot).unwrap();
+    assert_eq!(values[of("Outputs")][0], 0.0);
+    assert!(values[of("Residual")][0].is_null() && series[of("Residual")]["unit"] == "mm");
+    assert_eq!(samples["times_s"].as_array().unwrap().len(), values[0].as_array().unwrap().len());
+}
