@@ -54,7 +54,7 @@ impl Attached {
                 let numbered = (2..).map(|number| format!("{name} ({number})"));
                 let mut names = std::iter::once(name.to_owned()).chain(numbered);
                 let is_free = |wanted: &String| self.pages.iter().all(|page| page.name != *wanted);
-                let unique = names.find(is_free).unwrap_or_default();
+                let unique = names.find(is_free).unwrap_or_else(|| name.to_owned());
                 self.pages.push(SeenPage { id, given: name.to_owned(), name: unique, seen: now });
                 true
             }

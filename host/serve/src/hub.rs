@@ -428,9 +428,8 @@ impl Rights for Hub {
 
     fn take_control(&self, guest: &Guest) -> Result<(), String> {
         let taken = self.control(|control, now| {
-            let page = control.holder(now).map(|holder| holder.grant.page);
             // What a page records moves the arm with its control; another page that has control is asked first, as by anybody.
-            if page.is_some() && self.recordings.is_for(guest.process, page) {
+            if control.holder(now).is_some_and(|holder| self.recordings.is_for(guest.process, holder.grant.page)) {
                 return Ok(());
             }
             control.take_as_program(now, guest.key, &guest.name)

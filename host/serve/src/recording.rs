@@ -80,12 +80,10 @@ impl Recordings {
         Self { setup, state: Mutex::default() }
     }
 
-    /// Whether this process records for the page that has control, or for one that has gone.
-    pub(crate) fn is_for(&self, process: Option<u32>, page: Option<u32>) -> bool {
-        self.state()
-            .running
-            .as_ref()
-            .is_some_and(|running| process == Some(running.process) && page.is_none_or(|page| page == running.page))
+    /// Whether this process records for the page with this number.
+    pub(crate) fn is_for(&self, process: Option<u32>, page: u32) -> bool {
+        let state = self.state();
+        state.running.as_ref().is_some_and(|running| process == Some(running.process) && page == running.page)
     }
 
     /// What pages show; `None` where the server has no folder for recordings.
@@ -129,7 +127,8 @@ impl Recordings {
         fs::read(&path).map_err(|error| Refused::new(Kind::Refused, error))
     }
 
-    /// Writes table and visit file into the folder as `name`, and starts the command for the page with this number.
+    /// Writes table and visit file into the folder as `name`, and starts the command for the page with this number. One call at a time: the
+    /// state is not locked meanwhile, as pages and stops wait for it, and a disk may be slow.
     pub(crate) fn start(self: &Arc<Self>, page: u32, name: &str, table: &[u8], visits: &str) -> Result<(), Refused> {
         let RecordSetup { folder, command } = self.setup()?;
         if !is_name(name) {
@@ -140,8 +139,7 @@ impl Recordings {
         if let Some(taken) = paths.iter().find(|path| fs::symlink_metadata(path).is_ok()) {
             return Err(Refused::new(Kind::Refused, format!("{} exists; choose another name", taken.display())));
         }
-        let mut state = self.state();
-        if let Some(running) = &state.running {
+        if let Some(running) = &self.state().running {
             return Err(Refused::new(Kind::Refused, format!("{} is being recorded; wait for it", running.name)));
         }
         let [output, visit_file, table_file] = paths;
@@ -156,8 +154,7 @@ impl Recordings {
         let not_started = |error| Refused::new(Kind::Refused, format!("darm record does not start: {error}"));
         let child = child.map_err(not_started)?;
         let running = Running { name: format!("{name}.csv"), process: child.id(), page, since: Instant::now() };
-        (state.running, state.last) = (Some(running), None);
-        drop(state);
+        *self.state() = Recorded { running: Some(running), last: None };
         let recordings = Arc::clone(self);
         thread::spawn(move || recordings.finish(child));
         Ok(())
