@@ -165,15 +165,14 @@ impl Exchange {
     /// # Errors
     ///
     /// What the board would refuse: a stop came since, or another connection was opened.
-    pub(super) fn check_known(&self, known: Known) -> Result<(), ClientError> {
-        let refusal = match known {
-            Known { stopped, .. } if self.is_stopped() || stopped != self.stopped => {
-                Refusal::Command(CommandError::Stopped)
-            }
-            Known { connection, .. } if connection != self.connection => Refusal::NotConnected,
-            Known { .. } => return Ok(()),
-        };
-        Err(ClientError::Refused(refusal))
+    pub(super) fn check_known(&self, known: Known) -> Result<(), Refusal> {
+        if self.is_stopped() || known.stopped != self.stopped {
+            Err(Refusal::Command(CommandError::Stopped))
+        } else if known.connection != self.connection {
+            Err(Refusal::NotConnected)
+        } else {
+            Ok(())
+        }
     }
 
     /// How long the line takes to answer.
@@ -238,7 +237,7 @@ impl Exchange {
     /// Types a line that changes something, unless it is late. A stop between the look and the bytes is sent again behind them.
     pub(super) fn type_change(&mut self, line: &str, is_late: impl Fn() -> bool) -> Result<(), ClientError> {
         if is_late() {
-            return Err(ClientError::Denied("a stop came meanwhile, or it waited too long".to_owned()));
+            return Err(overtaken());
         }
         self.send_raw(format!("{line}\r").as_bytes())?;
         if is_late() { self.stop_behind() } else { Ok(()) }
@@ -418,6 +417,11 @@ impl Exchange {
         }
         Ok(())
     }
+}
+
+/// What was to be done is not wanted any more, or nobody expects it.
+pub(super) fn overtaken() -> ClientError {
+    ClientError::Denied("a stop came meanwhile, or it waited too long".to_owned())
 }
 
 fn denial(arrival: &Arrival) -> ClientError {

@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use darm_core::sequencer::{Command, Phase};
 use darm_core::units::{DeviceId, Digest, Micros, Word};
@@ -16,6 +16,15 @@ use sha2::{Digest as _, Sha256};
 
 use super::reader::{Piece, Reader};
 use crate::link::{Link, LinkError};
+
+/// Waits in real time until something is so.
+pub(super) fn until(wanted: impl Fn() -> bool) {
+    let since = Instant::now();
+    while !wanted() {
+        assert!(since.elapsed() < Duration::from_secs(30), "it did not come");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
 
 /// What a fake board remembers and a test may look at.
 #[derive(Default)]

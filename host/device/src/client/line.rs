@@ -1,10 +1,10 @@
 //! The line to the board as the threads of a process share it: one exchange at a time, in the order in which they come.
 
-use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
+use std::sync::{Mutex, MutexGuard, TryLockError};
 use std::time::{Duration, Instant};
 
 use super::exchange::Exchange;
-use super::stop::StopHandle;
+use super::stop::{StopHandle, lock};
 
 /// Interval of the looks whether the line is free.
 const LOOK: Duration = Duration::from_millis(5);
@@ -26,11 +26,11 @@ impl Line {
 
     /// What stops the board past the line, where the port is shared.
     pub(super) fn handle(&self) -> Option<StopHandle> {
-        self.handle.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        lock(&self.handle).clone()
     }
 
     pub(super) fn set_handle(&self, handle: StopHandle) {
-        *self.handle.lock().unwrap_or_else(PoisonError::into_inner) = Some(handle);
+        *lock(&self.handle) = Some(handle);
     }
 
     /// The line, if it is free before `until`; the next that wait for it are behind this one.
@@ -41,8 +41,8 @@ impl Line {
 
     /// Waits for the line.
     pub(super) fn take(&self) -> MutexGuard<'_, Exchange> {
-        let _turn = self.turn.lock().unwrap_or_else(PoisonError::into_inner);
-        self.exchange.lock().unwrap_or_else(PoisonError::into_inner)
+        let _turn = lock(&self.turn);
+        lock(&self.exchange)
     }
 }
 

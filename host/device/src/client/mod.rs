@@ -417,7 +417,7 @@ impl Client {
         let exchanged = {
             let mut exchange = self.exchange();
             if question::is_change(&question.request) {
-                exchange.check_known(self.connection)?;
+                exchange.check_known(self.connection).map_err(ClientError::Refused)?;
             }
             exchange.ask(&question.request)
         };

@@ -8,7 +8,7 @@ use std::net::Shutdown;
 use std::os::unix::net::UnixStream;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -20,16 +20,15 @@ use darm_core::wire::message::{self, Answer, REPLY, REQUEST, Refusal, Reply, Req
 
 use super::line_kind::{LONGEST, LineKind};
 use super::{Guest, Sharing};
-use crate::client::exchange::{COMMAND_PATIENCE_S, DENIED, Exchange, Known, encode, refusal};
+use crate::client::exchange::{COMMAND_PATIENCE_S, DENIED, Exchange, Known, encode, overtaken, refusal};
 use crate::client::question::{self, is_change};
 use crate::client::reader::{Piece, Reader};
-use crate::client::stop::{Confirmation, StopHandle};
+use crate::client::stop::socket::HOLDER_WORK;
+use crate::client::stop::{Confirmation, StopHandle, lock};
 use crate::client::{ClientError, NO_TIME, TransportError};
 use crate::clock::host_now_s;
 use crate::link::LinkError;
 
-/// A requested stop takes at most this long: the guest sends it again.
-const STOP_WORK: Duration = Duration::from_millis(350);
 /// Pieces that wait for the line at most; a guest waits for the answer before it sends the next, but for the chunks of a table.
 const WAITING: usize = 256;
 /// A guest that does not read is given up after this time.
@@ -203,7 +202,7 @@ impl Incoming {
     /// The answer to a stop, where the board has confirmed it.
     fn stop(&self) -> Option<[u8; 2]> {
         self.session.own_stops.fetch_add(1, Ordering::AcqRel);
-        match self.session.handle()?.stop(STOP_WORK) {
+        match self.session.handle()?.stop(HOLDER_WORK) {
             Ok(Confirmation::Confirmed) => Some(Stopped::encode(Servos::Ordered)),
             Ok(Confirmation::OutputsAlone) => Some(Stopped::encode(Servos::Uncontrolled)),
             Ok(Confirmation::Missing) | Err(_) => None,
@@ -267,7 +266,7 @@ impl Worker {
             !matches!(reply, Some(Ok(Answer::Status(status))) if status.phase != Phase::Manual)
         };
         if self.has_changed && is_by_hand() {
-            let _ = self.session.handle().map(|handle| handle.stop(STOP_WORK));
+            let _ = self.session.handle().map(|handle| handle.stop(HOLDER_WORK));
         }
         self.session.sharing.rights.leave(&self.session.guest);
         // Wakes the reader.
@@ -350,14 +349,13 @@ impl Worker {
         let hello = self.hello.filter(|(link, _)| *link == header.link);
         let ask = |line: &mut Exchange| {
             let now = line.known();
-            let Some((_, known)) = hello.filter(|(_, known)| known.connection == now.connection || changes) else {
-                return Ok((refused(Refusal::NotConnected)?, None));
+            let allowed = match hello {
+                None => Err(Refusal::NotConnected),
+                Some((_, known)) if changes => line.check_known(known).and(same(known.stores, now.stores)),
+                Some((_, known)) => same(known.connection, now.connection),
             };
-            if changes && let Err(ClientError::Refused(refusal)) = line.check_known(known) {
+            if let Err(refusal) = allowed {
                 return Ok((refused(refusal)?, None));
-            }
-            if changes && known.stores != now.stores {
-                return Ok((refused(Refusal::NotConnected)?, None));
             }
             let reply = line.ask(&request)?.arrival.payload;
             Ok((reply, changes.then(|| line.known())))
@@ -414,9 +412,9 @@ impl Worker {
     }
 }
 
-/// What was to be done is not wanted any more, or nobody expects it.
-fn overtaken() -> ClientError {
-    ClientError::Denied("a stop came meanwhile, or it waited too long".to_owned())
+/// Whether what the guest knows is so still.
+fn same<T: PartialEq>(known: T, now: T) -> Result<(), Refusal> {
+    if known == now { Ok(()) } else { Err(Refusal::NotConnected) }
 }
 
 /// A reply of the holder, in the board's words. It has no board time.
@@ -425,8 +423,4 @@ fn refused(refusal: Refusal) -> Result<Vec<u8>, ClientError> {
     let mut bytes = [0; MAX_PAYLOAD];
     let used = postcard::to_slice(&reply, &mut bytes).map_err(|_| ClientError::Refused(refusal))?;
     Ok(used.to_vec())
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

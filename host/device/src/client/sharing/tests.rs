@@ -10,7 +10,7 @@ use darm_core::units::ModelHash;
 use darm_core::wire::message::Refusal;
 
 use super::{Guest, Rights, attach, is_shared};
-use crate::client::fake::{FakeBoard, Memory};
+use crate::client::fake::{FakeBoard, Memory, until};
 use crate::client::stop::{Confirmation, STOP_BOUND, StopHandle, hold};
 use crate::client::{Client, ClientError, TransportError};
 use crate::link::LinkError;
@@ -75,14 +75,6 @@ impl Holder {
 
 fn is_not_connected(result: &Result<(), ClientError>) -> bool {
     matches!(result, Err(ClientError::Refused(Refusal::NotConnected | Refusal::Command(CommandError::Stopped))))
-}
-
-fn until(wanted: impl Fn() -> bool) {
-    let since = Instant::now();
-    while !wanted() {
-        assert!(since.elapsed() < Duration::from_secs(30), "it did not come");
-        std::thread::sleep(Duration::from_millis(2));
-    }
 }
 
 #[test]
@@ -278,10 +270,10 @@ mod at_once {
     use darm_core::wire::bootstrap::RebootTarget;
     use darm_core::wire::message::Request;
 
-    use super::{Holder, attach, until};
+    use super::{Holder, attach};
     use crate::client::Client;
     use crate::client::exchange::Exchange;
-    use crate::client::fake::FakeBoard;
+    use crate::client::fake::{FakeBoard, until};
     use crate::client::question;
     use crate::client::stop::{STOP_BOUND, hold, is_in_use};
     use crate::link::{Link, LinkError};

@@ -21,6 +21,7 @@ use darm_core::wire::bootstrap::{Request, Servos, Stopped};
 use darm_core::wire::frame::{Header, MAX_FRAME, encode};
 
 use crate::link::{self, LinkError};
+pub(super) use shared::lock;
 pub use shared::{StopHandle, hold};
 use suspended::Suspended;
 

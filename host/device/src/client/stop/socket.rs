@@ -22,7 +22,7 @@ use rustix::fs::FlockOperation;
 use super::{Confirmation, HOLDER_BOUND, StopHandle};
 
 /// A requested stop takes at most this long, so that the answer arrives in the asker's time.
-const HOLDER_WORK: Duration = Duration::from_millis(350);
+pub(in crate::client) const HOLDER_WORK: Duration = Duration::from_millis(350);
 /// Longest request or answer.
 const LONGEST_LINE: usize = 192;
 

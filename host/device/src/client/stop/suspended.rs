@@ -69,21 +69,13 @@ fn is_stopped(stat: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use std::process::{Child, Command};
-    use std::time::{Duration, Instant};
 
     use super::{Suspended, is_stopped, is_suspended};
+    use crate::client::fake::until;
 
     fn signal(child: &Child, name: &str) {
         let process = child.id().to_string();
         assert!(Command::new("kill").args([name, &process]).status().unwrap().success());
-    }
-
-    fn until(wanted: impl Fn() -> bool) {
-        let since = Instant::now();
-        while !wanted() {
-            assert!(since.elapsed() < Duration::from_secs(30), "the state of the process did not change");
-            std::thread::sleep(Duration::from_millis(1));
-        }
     }
 
     #[test]
