@@ -9,7 +9,6 @@
 //! The page's connection for stops has no place here: it leaves once it is opened, see `stop_line.rs`.
 
 use std::future::Future;
-use std::io;
 use std::pin::pin;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -21,9 +20,11 @@ use hyper::server::conn::http1;
 use hyper::service::Service;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
-use tokio::net::{TcpListener, TcpStream};
+use tokio::net::TcpStream;
 use tokio::sync::{oneshot, watch};
 use tokio::task::JoinHandle;
+
+use crate::acceptor::Accepted;
 
 /// Most connections at once: a browser opens six.
 pub const MAX_CONNECTIONS: usize = 256;
@@ -39,20 +40,17 @@ pub(crate) const ENDING: Duration = Duration::from_secs(2);
 const BUFFER: usize = 1 << 16;
 /// The path of a stop.
 const STOP: &str = "/api/stop";
-/// The operating system has no file descriptor left: another connection may end in this time.
-const RETRY: Duration = Duration::from_millis(100);
 
 /// Whether a request shows the key of the page with control.
 pub(crate) type HasControl = Arc<dyn Fn(&HeaderMap) -> bool + Send + Sync>;
 
 /// Answers requests until `ended` is sent or its sender is gone.
 pub(crate) async fn serve(
-    listener: std::net::TcpListener,
+    accepted: &Accepted,
     router: Router,
     has_control: HasControl,
     mut ended: oneshot::Receiver<()>,
-) -> io::Result<()> {
-    let listener = TcpListener::from_std(listener)?;
+) {
     let mut open = Open {
         router: TowerToHyperService::new(router),
         has_control,
@@ -62,17 +60,14 @@ pub(crate) async fn serve(
     loop {
         tokio::select! {
             _ = &mut ended => break,
-            accepted = listener.accept() => match accepted {
-                Ok((stream, _)) => {
-                    open.add(stream);
-                    // In a flood each is read before the next ones take its place.
-                    tokio::task::yield_now().await;
-                }
-                Err(_) => tokio::time::sleep(RETRY).await,
-            },
+            stream = accepted.next() => {
+                // One that this thread cannot watch is closed.
+                let _ = TcpStream::from_std(stream).map(|stream| open.add(stream));
+                // In a flood each is read before the next ones take its place.
+                tokio::task::yield_now().await;
+            }
         }
     }
-    drop(listener);
     open.has_ended.send_replace(true);
     let all = async {
         for connection in open.connections {
@@ -81,7 +76,6 @@ pub(crate) async fn serve(
     };
     // A client that has sent half a request does not hold up the end.
     let _ = tokio::time::timeout(ENDING, all).await;
-    Ok(())
 }
 
 /// The open connections.

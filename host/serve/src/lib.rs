@@ -14,6 +14,7 @@
 //!
 //! The host is not in the real-time path: programs run on the board, which enforces every limit.
 
+mod acceptor;
 pub mod access;
 mod api;
 pub mod assets;

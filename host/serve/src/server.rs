@@ -12,9 +12,12 @@ use axum::http::header::{self, HeaderName, HeaderValue};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
+use tokio::net::TcpSocket;
+use tokio::runtime::Builder;
 use tokio::sync::oneshot;
 use tower_http::timeout::RequestBodyTimeoutLayer;
 
+use crate::acceptor::{self, Accepted};
 use crate::access::{Access, AccessError, Token};
 use crate::assets::ASSETS;
 use crate::board_port::BoardPort;
@@ -95,6 +98,7 @@ pub enum ServeError {
 pub struct Server {
     address: SocketAddr,
     hub: Arc<Hub>,
+    accepted: Arc<Accepted>,
     end: Option<oneshot::Sender<()>>,
     threads: Vec<JoinHandle<()>>,
 }
@@ -108,9 +112,11 @@ impl Server {
     pub fn start(config: Config) -> Result<Self, ServeError> {
         let Config { listen, names, token, board, arm, poses, history, record } = config;
         let access = Access::new(listen, names, token)?;
-        let listener = bound(listen).map_err(|source| ServeError::Listen { address: listen, source })?;
+        let runtime = Builder::new_current_thread().enable_io().enable_time().build()?;
+        let listener = runtime.block_on(async { bound(listen) });
+        let listener = listener.map_err(|source| ServeError::Listen { address: listen, source })?;
         let address = listener.local_addr()?;
-        listener.set_nonblocking(true)?;
+        let accepted = Arc::new(Accepted::default());
         let (orders, ordered) = channel();
         let BoardPort { open, stop } = board;
         let history = history.map(Arc::new);
@@ -126,20 +132,20 @@ impl Server {
         }));
         let watcher = Watcher::new(Arc::clone(&hub), open, ordered);
         let (end, ended) = oneshot::channel();
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;
         let (line, opened) = channel();
         let router = router(Arc::clone(&hub), access, line);
         let (of_control, stops, line) = (Arc::clone(&hub), Arc::clone(&hub), Arc::clone(&hub));
         let has_control = Arc::new(move |headers: &_| api::has_control(&of_control, headers));
+        let to_answer = Arc::clone(&accepted);
         let http = move || {
-            let served = runtime.block_on(connections::serve(listener, router, has_control, ended));
+            runtime.block_on(connections::serve(&to_answer, router, has_control, ended));
             runtime.shutdown_timeout(connections::ENDING);
-            if let Err(error) = served {
-                eprintln!("darm serve: {error}");
-            }
         };
+        let to_accept = Arc::clone(&accepted);
+        let accept = move || acceptor::accept(&listener, &to_accept);
         let mut threads = vec![
             thread::Builder::new().name("watcher".into()).spawn(move || watcher.run())?,
+            thread::Builder::new().name("accept".into()).spawn(accept)?,
             thread::Builder::new().name("http".into()).spawn(http)?,
             thread::Builder::new().name("stop".into()).spawn(move || stops.answer_stops())?,
             thread::Builder::new().name("stop-line".into()).spawn(move || stop_line::answer(&line, &opened))?,
@@ -147,7 +153,7 @@ impl Server {
         if let Some(source) = poses {
             threads.push(follow_poses(&hub, source)?);
         }
-        Ok(Self { address, hub, end: Some(end), threads })
+        Ok(Self { address, hub, accepted, end: Some(end), threads })
     }
 
     /// The address that it listens on.
@@ -164,6 +170,7 @@ impl Server {
 impl Drop for Server {
     fn drop(&mut self) {
         self.hub.end();
+        self.accepted.end(self.address);
         // The thread may have ended already.
         let _ = self.end.take().map(|end| end.send(()));
         for thread in self.threads.drain(..) {
@@ -175,14 +182,14 @@ impl Drop for Server {
 
 /// A listener with room for many that connect at once.
 fn bound(listen: SocketAddr) -> io::Result<TcpListener> {
-    let socket = if listen.is_ipv4() { tokio::net::TcpSocket::new_v4() } else { tokio::net::TcpSocket::new_v6() }?;
+    let socket = if listen.is_ipv4() { TcpSocket::new_v4() } else { TcpSocket::new_v6() }?;
     // A server that is started again shortly after its end would not get its port.
     #[cfg(unix)]
     socket.set_reuseaddr(true)?;
     socket.bind(listen)?;
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
-    let _entered = runtime.enter();
-    socket.listen(BACKLOG)?.into_std()
+    let listener = socket.listen(BACKLOG)?.into_std()?;
+    listener.set_nonblocking(false)?;
+    Ok(listener)
 }
 
 /// Starts the thread that reads measured poses.
