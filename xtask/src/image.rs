@@ -224,7 +224,7 @@ pub fn build_for(board: Board) -> Result<PathBuf> {
     build_binary(board, board.name(), "chip")
 }
 
-/// Builds the image that counts instructions and returns its path.
+/// Builds the image that counts the instructions of the tasks and returns its path.
 ///
 /// # Errors
 ///
@@ -233,13 +233,13 @@ pub fn build_bench() -> Result<PathBuf> {
     build_binary(Board::BL475eIot01a, "bench", "bench")
 }
 
-/// Builds the image that counts the instructions of generated code and returns its path.
+/// Builds the image that counts the instructions of kinematics and dynamics and returns its path.
 ///
 /// # Errors
 ///
 /// The compiler does not start or fails.
-pub fn build_generated() -> Result<PathBuf> {
-    build_binary(Board::BL475eIot01a, "generated", "bench")
+pub fn build_kinematics() -> Result<PathBuf> {
+    build_binary(Board::BL475eIot01a, "kinematics", "bench")
 }
 
 /// Builds the image that does kinematics alone and fails when anything in it can panic: no code of that may be linked.

@@ -1,4 +1,4 @@
-//! On the chip: exact instruction counts of a bench image in the emulator, and the sizes of the image.
+//! On the chip: exact instruction counts of two images in the emulator, and the sizes of the image.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -18,17 +18,16 @@ pub(super) fn measure() -> Result<Vec<Figure>> {
     if let Emulator::Absent(why) = setup::emulator() {
         bail!("instructions are counted in the emulator, and there is none: {why}");
     }
-    let bench = image::build_bench()?;
+    let (kinematics, tasks) = (image::build_kinematics()?, image::build_bench()?);
     // What is exact, and what happens when the emulator runs as fast as the machine lets it.
-    let exact = run(&bench, EXACT)?;
+    let exact = run(&kinematics, EXACT)? + &run(&tasks, EXACT)?;
     let (poses, exact): (Vec<&str>, Vec<&str>) =
         exact.lines().filter(|line| !line.starts_with(LATENESS)).partition(|line| line.starts_with(POSE));
     let mut figures = exact.into_iter().map(figure).collect::<Result<Vec<_>>>()?;
-    let image = image::build_generated()?;
-    figures.extend(run(&image, EXACT)?.lines().map(figure).collect::<Result<Vec<_>>>()?);
-    figures.extend(generated(&figures, image::code_bytes(&bench, GENERAL)?, image::code_bytes(&image, OF_ONE)?)?);
+    let [general, of_one] = [GENERAL, OF_ONE].map(|functions| image::code_bytes(&kinematics, functions));
+    figures.extend(generated(&figures, general?, of_one?)?);
     figures.extend(corrected(&poses)?);
-    let free = run(&bench, &[])?;
+    let free = run(&tasks, &[])?;
     figures.extend(free.lines().filter(|line| line.starts_with(LATENESS)).map(figure).collect::<Result<Vec<_>>>()?);
     for (name, bytes) in image::sizes(&image::build()?)? {
         figures.push(Figure::new(name, bytes, "bytes")?);
@@ -42,7 +41,7 @@ const EXACT: &[&str] = &["-icount", "shift=6,sleep=off"];
 /// The works that there is generated code for.
 const GENERATED: [&str; 2] = ["inverse dynamics", "mass matrix"];
 
-/// Functions that do them: in the bench image for any arm, in a separate one for the Puma 560 alone.
+/// Functions that do them: for any arm, and for the Puma 560 alone.
 const GENERAL: [&str; 2] = ["torques", "mass"];
 const OF_ONE: [&str; 2] = ["generated_torques", "generated_mass"];
 

@@ -66,7 +66,7 @@ fn puma() -> Module {
 #[test]
 fn the_files_are_renewed() {
     let ((_, module), (_, platform)) = (finger(), platform());
-    let image = "../../../../firmware/boards/b-l475e-iot01a/src/bin/generated";
+    let image = "../../../../firmware/boards/b-l475e-iot01a/src/bin/kinematics";
     let files = [
         ("platform3_f32.rs".into(), rust::file(&platform, Width::Single)),
         ("platform3_f64.rs".into(), rust::file(&platform, Width::Double)),
@@ -75,7 +75,7 @@ fn the_files_are_renewed() {
         ("finger_f64.rs".into(), rust::file(&module, Width::Double)),
         ("finger_f32.h".into(), c::file(&module, Width::Single)),
         ("finger_f64.h".into(), c::file(&module, Width::Double)),
-        (format!("{image}/puma560.rs"), rust::file(&puma(), Width::Single)),
+        (format!("{image}/generated_puma560.rs"), rust::file(&puma(), Width::Single)),
     ];
     for (name, text) in files {
         let path = folder().join(&name);

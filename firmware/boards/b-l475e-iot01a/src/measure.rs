@@ -2,8 +2,10 @@
 //!
 //! Under `-icount shift=6` an instruction lasts 64 ns, 5.12 cycles at 80 MHz, so cycles give exact instructions.
 //! SysTick alone preempts the control tick; what its handler takes is not counted as the tick's.
+use core::fmt::Display;
 use core::sync::atomic::{AtomicBool, AtomicU16, AtomicU32, Ordering};
 
+use cortex_m_semihosting::{debug, hprintln};
 use darm_core::sequencer::Outputs;
 use darm_core::units::Micros;
 
@@ -46,6 +48,19 @@ pub struct Measured {
     pub lines_seen: u32,
     /// How often output enable went low: at least once a program, unless a fault is latched.
     pub enables: u32,
+}
+
+/// Ends the run as failed unless `holds`.
+pub fn check(what: &str, holds: bool) {
+    if !holds {
+        hprintln!("failed: {}", what);
+        debug::exit(debug::EXIT_FAILURE);
+    }
+}
+
+/// Prints a figure of something.
+pub fn print(of: &str, name: impl Display, value: impl Display, unit: &str) {
+    hprintln!("{}.{} {} {}", of, name, value, unit);
 }
 
 /// Reads the longest of each and starts again.

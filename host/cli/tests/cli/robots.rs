@@ -157,8 +157,11 @@ fn a_model_is_shown_and_drawn() {
     assert!(said.contains("\n  Izz link 1 + 0.25 m link 2\n"), "{said}");
     let corrected = example("../tests/data/corrected/corrected.toml");
     let constants = [
-        (example("puma560.toml"), include_str!("../../../../firmware/boards/b-l475e-iot01a/src/bin/bench/puma560.rs")),
-        (corrected, include_str!("../../../../firmware/boards/b-l475e-iot01a/src/bin/bench/corrected.rs")),
+        (
+            example("puma560.toml"),
+            include_str!("../../../../firmware/boards/b-l475e-iot01a/src/bin/kinematics/puma560.rs"),
+        ),
+        (corrected, include_str!("../../../../firmware/boards/b-l475e-iot01a/src/bin/kinematics/corrected.rs")),
     ];
     for (file, constant) in constants {
         let rust = home.succeeds(&format!("model {file} --rust"));

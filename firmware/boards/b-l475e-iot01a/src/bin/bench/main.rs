@@ -1,5 +1,5 @@
-//! Exact instruction counts in QEMU: kinematics and dynamics; of the real tasks the longest control tick, the longest masked
-//! stretch, the stack.
+//! Exact instruction counts in QEMU of the real tasks: the longest control tick, the longest masked stretch, the stack; and of the
+//! search for the nearest word. Those of kinematics and dynamics are in the image `kinematics`: one has no room for all.
 //!
 //! The tasks are those of the flashed image. A recorded upload in memory is fed into the console's receive queue as the
 //! line would, 12 bytes a millisecond, then the table is played. Started with `-icount shift=6,sleep=off` the counts are
@@ -7,17 +7,11 @@
 #![no_std]
 #![no_main]
 
-mod corrected;
-mod count;
-mod kinematics;
-mod laws;
-mod puma560;
-
-use core::fmt::Display;
 use core::mem::MaybeUninit;
 
-use cortex_m_semihosting::{debug, hprintln};
+use cortex_m_semihosting::debug;
 use darm_b_l475e_iot01a::flash::Flash;
+use darm_b_l475e_iot01a::measure::{check, print};
 use darm_b_l475e_iot01a::tasks::SHARED;
 use darm_b_l475e_iot01a::{board, clocks, measure, tasks, time, uart};
 use darm_core::actuator::{Leg, Platform, Stage};
@@ -77,13 +71,6 @@ static mut TABLE: MaybeUninit<Recorded> = MaybeUninit::uninit();
 
 /// Modules with six binary legs of the arm for which it is used.
 const MODULES: usize = 6;
-
-fn check(what: &str, holds: bool) {
-    if !holds {
-        hprintln!("failed: {}", what);
-        debug::exit(debug::EXIT_FAILURE);
-    }
-}
 
 /// An image in the making.
 struct Recorded {
@@ -264,10 +251,6 @@ fn wait_a_wake() {
     cortex_m::asm::wfi();
 }
 
-fn print(arm: &str, name: impl Display, value: impl Display, unit: &str) {
-    hprintln!("{}.{} {} {}", arm, name, value, unit);
-}
-
 /// A six-legged module: pairs of anchors on circles of 0.25 m and 0.18 m, turned by 60°, plates 0.3 m apart.
 fn six_legs() -> Stage<f32> {
     let on_circle = |radius: f32, (cosine, sine): (f32, f32)| Vec3::new(radius * cosine, radius * sine, 0.0);
@@ -380,10 +363,8 @@ fn print_lateness() {
 fn main() -> ! {
     let stack = cortex::paint_stack();
     check("the clock starts", clocks::start().is_ok());
-    kinematics::measure(&stack);
     time::start();
     board::prioritise();
-    laws::measure(&stack);
     // The stack has no room for a second one.
     let room = tasks::room();
     measure_nearest(room);

@@ -2,14 +2,14 @@
 //! against its own.
 use core::hint::black_box;
 
-use darm_b_l475e_iot01a::measure;
+use darm_b_l475e_iot01a::measure::{self, check, print};
 use darm_core::chain::Scratch;
 use darm_core::model::Model;
 use darm_core::se::Pose;
 use darm_core::units::Word;
 use darm_firmware::stack::StackMemory;
 
-use crate::{check, corrected, print};
+use crate::corrected;
 
 /// In flash.
 static MODEL: Model<f32, 6> = corrected::MODEL;

@@ -1,8 +1,9 @@
 //! Instructions of kinematics and dynamics for arms of six joints in `f32`, and whether the values are the host's.
 //!
-//! Before the tasks start nothing interrupts, and SysTick counts freely.
+//! Nothing interrupts, and SysTick counts freely.
 use core::hint::black_box;
 
+use darm_b_l475e_iot01a::measure::{check, print};
 use darm_core::dynamics::{inverse_dynamics, mass_matrix};
 use darm_core::ik;
 use darm_core::real::{Mat6, Vec3};
@@ -11,10 +12,10 @@ use darm_core::tree::puma560::{NEAR_M, NEAR_NM, SAMPLE};
 use darm_core::tree::{Frames, Inertia, Joint, LinkFrame, Tree};
 use darm_firmware::stack::StackMemory;
 
-use crate::{check, count, print, puma560};
+use crate::{count, puma560};
 
 /// In flash.
-static PUMA: Tree<f32, 6> = puma560::TREE;
+pub(crate) static PUMA: Tree<f32, 6> = puma560::TREE;
 static TOOL: LinkFrame<f32> = puma560::TOOL;
 
 #[inline(never)]
@@ -103,16 +104,12 @@ fn check_values(tree: &Tree<f32, 6>, tool: &LinkFrame<f32>, motion: &[[f32; 6]; 
 /// Counts, checks and prints; the stack is what all of this needs.
 #[inline(never)]
 pub(crate) fn measure(stack: &StackMemory) {
-    // SAFETY: nothing else uses the counter before the tasks start.
-    let mut timer = unsafe { cortex_m::Peripherals::steal() }.SYST;
-    count::start(&mut timer);
     let motion = [SAMPLE.q, SAMPLE.qd, SAMPLE.qdd].map(|row| row.map(|x| x as f32));
     let Some(plain) = alternating() else { return check("the arm is an arm", false) };
     check_values(&PUMA, &TOOL, &motion);
     let of_puma = counts(&PUMA, &TOOL, &motion);
     let of_plain = counts(&plain, &plain.frame(5, &Pose::identity()), &motion);
     let used = stack.usage().used;
-    timer.disable_counter();
     for (arm, counts) in [("z_y_arm", of_plain), ("Puma_560", of_puma)] {
         counts.iter().for_each(|(name, count)| print(arm, name, count, "instructions"));
     }
