@@ -282,6 +282,8 @@ impl Default for Shared<'_> {
 pub struct Control<'t> {
     sequencer: Sequencer<'t>,
     joints: Joints,
+    /// The limits of `joints` are those of the profile in force.
+    has_limits: bool,
     seen: Seen,
     button: Button,
     now: Micros,
@@ -299,6 +301,7 @@ impl<'t> Control<'t> {
         let mut control = Self {
             sequencer: Sequencer::new(used),
             joints: [None; MAX_SERVOS],
+            has_limits: false,
             seen: Seen::default(),
             button: Button::new(now),
             now,
@@ -334,7 +337,7 @@ impl<'t> Control<'t> {
             // Stop is never refused.
             let _ = self.sequencer.command(Command::Stop);
         }
-        self.seen.servos = shared.seen.lock(Cell::get);
+        shared.seen.lock(|seen| self.seen.servos = seen.get());
         self.seen.servo_breaches = shared.servo_breaches();
         let outputs = self.sequencer.step(now, &self.seen);
         let events_before = self.next_event;
@@ -391,6 +394,7 @@ impl<'t> Control<'t> {
             Order::Rehearse => Outcome::Unload(self.rehearse()),
             Order::Configure(profile) => {
                 self.sequencer.configure(profile);
+                self.has_limits = false;
                 Outcome::Configured
             }
             Order::Calibrate(calibration) => Outcome::Command(self.sequencer.calibrate(calibration.offsets_rad())),
@@ -447,13 +451,18 @@ impl<'t> Control<'t> {
     }
 
     fn aim(&mut self, outputs: &Outputs, shared: &Shared<'t>) {
-        let mut joints = [None; MAX_SERVOS];
-        for ((joint, servo), action) in joints.iter_mut().zip(&self.sequencer.profile().servos).zip(outputs.servos) {
+        // As a rule nothing is new: limits change with the profile alone, and are not compared in every tick.
+        let is_known =
+            |(joint, action): (&Option<Joint>, &ServoAction)| joint.is_none_or(|joint| joint.action == *action);
+        if self.has_limits && self.joints.iter().zip(&outputs.servos).all(is_known) {
+            return;
+        }
+        self.has_limits = true;
+        self.joints = [None; MAX_SERVOS];
+        let servos = self.sequencer.profile().servos.iter().zip(outputs.servos);
+        for (joint, (servo, action)) in self.joints.iter_mut().zip(servos) {
             *joint = Some(Joint { limit: servo.limit, action });
         }
-        if joints != self.joints {
-            self.joints = joints;
-            shared.set_joints(joints);
-        }
+        shared.set_joints(self.joints);
     }
 }

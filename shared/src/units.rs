@@ -225,20 +225,29 @@ impl Word {
     }
 
     /// The digits that are not 0: bit `i` for digit `i`.
-    ///
-    /// Sixteen digits at a time: the chip has 32 bits.
-    pub const fn digits_set(&self) -> u64 {
-        let (low, high) = (self.bits as u64, (self.bits >> 64) as u64);
-        any_of_pairs(low as u32) as u64
-            | (any_of_pairs((low >> 32) as u32) as u64) << 16
-            | (any_of_pairs(high as u32) as u64) << 32
-            | (any_of_pairs((high >> 32) as u32) as u64) << 48
+    const fn digits_set(&self) -> u64 {
+        every_second(self.bits | self.bits >> 1)
+    }
+
+    /// The lower bit of every digit, and the higher one: bit `i` for digit `i`.
+    pub(crate) const fn bits_of_digits(&self) -> [u64; 2] {
+        [every_second(self.bits), every_second(self.bits >> 1)]
     }
 }
 
-/// One bit for each pair of bits: whether either is set.
-const fn any_of_pairs(pairs: u32) -> u32 {
-    let mut bits = (pairs | pairs >> 1) & 0x5555_5555;
+/// Bits 0, 2, 4, …
+///
+/// Sixteen at a time: the chip has 32 bits.
+const fn every_second(bits: u128) -> u64 {
+    let (low, high) = (bits as u64, (bits >> 64) as u64);
+    every_second_of_32(low as u32) as u64
+        | (every_second_of_32((low >> 32) as u32) as u64) << 16
+        | (every_second_of_32(high as u32) as u64) << 32
+        | (every_second_of_32((high >> 32) as u32) as u64) << 48
+}
+
+const fn every_second_of_32(bits: u32) -> u32 {
+    let mut bits = bits & 0x5555_5555;
     bits = (bits | bits >> 1) & 0x3333_3333;
     bits = (bits | bits >> 2) & 0x0f0f_0f0f;
     bits = (bits | bits >> 4) & 0x00ff_00ff;

@@ -261,11 +261,12 @@ impl<'t> Coils<'t> {
 
     fn target_of(&self, word: &Word) -> u64 {
         let mut target = self.target;
-        let flips = word.flips(&self.wanted);
-        for (index, _) in Bits::of(flips.digits_set()) {
-            let Some([low, high]) = self.of_digit.get(index) else { continue };
-            let changed = flips.digit(index);
-            target ^= if changed & 1 != 0 { *low } else { 0 } ^ if changed & 2 != 0 { *high } else { 0 };
+        let [lows, highs] = word.flips(&self.wanted).bits_of_digits();
+        for (index, _) in Bits::of(lows) {
+            target ^= self.of_digit.get(index).map_or(0, |[low, _]| *low);
+        }
+        for (index, _) in Bits::of(highs) {
+            target ^= self.of_digit.get(index).map_or(0, |[_, high]| *high);
         }
         target
     }

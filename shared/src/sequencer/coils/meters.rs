@@ -18,14 +18,15 @@ impl Coils<'_> {
     pub(super) fn count_in_turn(&mut self, now: Micros) -> Result<(), FaultKind> {
         let (fed, mut spans) = (self.fed(), SPANS_A_TICK);
         for _ in 0..METERS_A_TICK.min(self.n_outputs) {
-            let own = match (self.uncounted >> self.next & 1, self.uncounted_twice >> self.next & 1) {
+            let bit = bit_of(self.next as u8);
+            let own = match (self.uncounted & bit, self.uncounted_twice & bit) {
                 (0, _) => 1,
                 (_, 0) => 2,
                 _ => SPANS,
             };
             let Some(left) = spans.checked_sub(own) else { break };
             spans = left;
-            self.count(now, self.next, fed >> self.next & 1 == 1)?;
+            self.count(now, self.next, fed & bit != 0)?;
             let next = self.next.wrapping_add(1);
             self.next = if next < self.n_outputs { next } else { 0 };
         }
