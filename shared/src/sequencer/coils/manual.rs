@@ -108,17 +108,16 @@ impl Coils<'_> {
             }
         }
         // A stop leaves latches as they are: no command for another coil resets them.
-        if self.set_all(now, now, (self.on ^ self.target | self.unknown) & self.asked)? {
-            self.word = self.wanted;
-        } else {
-            // The supply has not fed all of the word: each actuator is as its coils are.
-            for (index, _) in Bits::of(self.wanted.differing(&self.word)) {
-                let Some([low, high]) = self.of_digit.get(index) else { continue };
-                let digit = u8::from(self.on & low != 0) | u8::from(self.on & high != 0) << 1;
-                self.word = self.word.with_digit(index, digit);
-            }
+        self.set_all(now, now, (self.on ^ self.target | self.unknown) & self.asked)?;
+        // Each actuator is as its coils are: the supply may not have fed all of the word, and a latch that a stop left set, and
+        // that nobody has asked for since, is still set.
+        let pulsed = self.actuators_of(self.pulsing & !pulsing);
+        for (index, _) in Bits::of(self.wanted.differing(&self.word) | pulsed) {
+            let Some([low, high]) = self.of_digit.get(index) else { continue };
+            let digit = u8::from(self.on & low != 0) | u8::from(self.on & high != 0) << 1;
+            self.word = self.word.with_digit(index, digit);
         }
-        Ok(self.word.differing(&before) | self.actuators_of(self.pulsing & !pulsing))
+        Ok(self.word.differing(&before) | pulsed)
     }
 
     /// The actuators of coils.

@@ -1,10 +1,10 @@
 //! Limit switches that contradict the word.
 
 use super::{Bench, actuator, coil, end, row, start, two_valves};
-use crate::output::{Drive, SwitchLimit};
+use crate::output::{ActuatorWiring, Drive, LimitSwitch, SwitchLimit};
 use crate::sequencer::{Command, CommandError, FaultKind};
 use crate::table::Record;
-use crate::units::ActuatorId;
+use crate::units::{ActuatorId, Word};
 
 #[test]
 fn a_switch_that_contradicts_latches_the_safe_state() {
@@ -103,5 +103,30 @@ fn a_latch_that_sticks_when_it_is_reset_by_hand_after_a_stop_is_found() {
         assert_eq!(bench.run(5).outputs.lines, 0b10, "it gets its pulse");
         let stuck = FaultKind::Switch { actuator: ActuatorId(0), expected_closed: false, seen_closed: true };
         assert_eq!(bench.run(60).fault(), Some(stuck));
+    }
+}
+
+/// A stop leaves the other latch as it is: it counts in the state with which the switch is compared.
+#[test]
+fn a_latch_that_a_stop_left_set_counts_when_the_other_one_is_switched_by_hand() {
+    let latch = |output: u8| coil(output, Drive::Latch { set: 2 * output, reset: 2 * output + 1, pulse_ms: 5 });
+    for (before, on_ms, state) in [("2", 20, "3"), ("3", 0, "2"), ("1", 0, "0")] {
+        let state: Word = state.parse().unwrap();
+        let switch = Some(LimitSwitch { input: 0, closed_in: 1 << state.digit(0) });
+        let of_two = Record::Actuator(ActuatorWiring { states: 4, switch, travel_ms: 10 });
+        for is_closed in [true, false] {
+            let mut bench = Bench::new(&[start(), latch(0), latch(1), of_two.clone(), end(10)]);
+            bench.follows = false;
+            bench.command(Command::Word(before.parse().unwrap())).unwrap();
+            assert_eq!(bench.run(60).fault(), None);
+            bench.command(Command::Stop).unwrap();
+            bench.run(20);
+            bench.command(Command::Coil { coil: 0, on_ms }).unwrap();
+            bench.seen.switches = is_closed.into();
+            assert_eq!(bench.run(8).sequencer.word(), state, "{before}");
+            let (actuator, expected_closed, seen_closed) = (ActuatorId(0), true, false);
+            let contradicts = FaultKind::Switch { actuator, expected_closed, seen_closed };
+            assert_eq!(bench.run(10).fault(), (!is_closed).then_some(contradicts), "{before}");
+        }
     }
 }
