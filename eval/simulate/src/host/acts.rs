@@ -611,20 +611,28 @@ impl Host<'_> {
         self.command("clear", Command::Clear);
     }
 
-    /// Moves actuators by hand, by words and coils that overlap, while all limit switches or one of them say the same in every state.
+    /// Moves actuators by hand, by words and coils that overlap, while all limit switches or one of them say the same in every state. In
+    /// half of the cases a stop has left a word's latches set, and coils alone are switched.
     pub(super) fn move_contradicted(&mut self, is_closed: bool, seed: u64) {
         if !self.is_own_table_at_rest() {
             return;
         }
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let inputs = if rng.random() { ALL_SWITCHES } else { self.one_switch(rng.random()) };
+        let is_after_stop = rng.random();
+        if is_after_stop {
+            self.command("move", Command::Word(words::word(&self.script.arm, rng.random())));
+            world::pass(USE_MS.into());
+            self.stop("stop", Client::stop_at_once);
+            self.renew();
+        }
         world::with(|world| world.stick_switches(Some((inputs, is_closed))));
         for _ in 0..MOVES {
             let coil = rng.random_range(0..self.script.arm.coils.len().max(1)) as u8;
-            let command = if rng.random() {
+            let command = if !is_after_stop && rng.random() {
                 Command::Word(words::word(&self.script.arm, rng.random()))
             } else {
-                Command::Coil { coil, on_ms: USE_MS }
+                Command::Coil { coil, on_ms: if is_after_stop && rng.random() { 0 } else { USE_MS } }
             };
             self.command("move", command);
             world::pass(rng.random_range(0..MOVE_PAUSE_MS));
