@@ -1,5 +1,7 @@
 //! An arm for one seed as plain numbers, and what is made of it: the judge's ceilings, the board's records, tables.
 
+use std::ops::Range;
+
 use darm_arm::board_profile::BoardProfile;
 use darm_arm::image::UploadImage;
 use darm_core::output::{
@@ -293,6 +295,23 @@ impl ArmPlan {
             .filter_map(|(coil, plan)| if let DrivePlan::Latch(.., ms) = plan.drive { Some((coil, ms)) } else { None })
             .collect();
         latches.get(seed as usize % latches.len().max(1)).copied()
+    }
+
+    /// An actuator with a limit switch and a latch, one of two coils where there is one: the input of its switch, and its coils.
+    pub fn watched_latch(&self, seed: u64) -> Option<(u8, Range<u8>)> {
+        let mut next = 0;
+        let own = self.actuators.iter().filter_map(|actuator| {
+            let coils = next..next + actuator.n_coils();
+            next = coils.end;
+            let (input, _) = actuator.switch?;
+            let is_latch = |coil: &CoilPlan| matches!(coil.drive, DrivePlan::Latch(..));
+            let has_latch = self.coils.get(coils.clone())?.iter().any(is_latch);
+            has_latch.then_some((input, coils.start as u8..coils.end as u8))
+        });
+        let own: Vec<_> = own.collect();
+        let of_two: Vec<_> = own.iter().filter(|(_, coils)| coils.len() == 2).cloned().collect();
+        let drawn = if of_two.is_empty() { own } else { of_two };
+        drawn.get(seed as usize % drawn.len().max(1)).cloned()
     }
 
     /// Whether a coil begins with full current.

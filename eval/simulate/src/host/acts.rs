@@ -47,6 +47,8 @@ const LONG_MS: u32 = 700;
 /// Commands by hand while switches are stuck, and the longest pause between two, ms: about the time of travel.
 const MOVES: u32 = 6;
 const MOVE_PAUSE_MS: u64 = 120;
+/// Stops that leave latches set, one after the other.
+const LEFT_LATCHES: u32 = 4;
 /// This number of uses fills the longest window.
 const USES: u32 = 30;
 /// After the last byte of a stop, or after the emergency stop is pressed, all outputs are off within this time, ms.
@@ -611,28 +613,23 @@ impl Host<'_> {
         self.command("clear", Command::Clear);
     }
 
-    /// Moves actuators by hand, by words and coils that overlap, while all limit switches or one of them say the same in every state. In
-    /// half of the cases a stop has left a word's latches set, and coils alone are switched.
+    /// Moves actuators by hand, by words and coils that overlap, while all limit switches or one of them say the same in every state.
     pub(super) fn move_contradicted(&mut self, is_closed: bool, seed: u64) {
         if !self.is_own_table_at_rest() {
             return;
         }
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let inputs = if rng.random() { ALL_SWITCHES } else { self.one_switch(rng.random()) };
-        let is_after_stop = rng.random();
-        if is_after_stop {
-            self.command("move", Command::Word(words::word(&self.script.arm, rng.random())));
-            world::pass(USE_MS.into());
-            self.stop("stop", Client::stop_at_once);
-            self.renew();
+        if rng.random() {
+            self.switch_left_latches(is_closed, &mut rng);
         }
+        let inputs = if rng.random() { ALL_SWITCHES } else { self.one_switch(rng.random()) };
         world::with(|world| world.stick_switches(Some((inputs, is_closed))));
         for _ in 0..MOVES {
             let coil = rng.random_range(0..self.script.arm.coils.len().max(1)) as u8;
-            let command = if !is_after_stop && rng.random() {
+            let command = if rng.random() {
                 Command::Word(words::word(&self.script.arm, rng.random()))
             } else {
-                Command::Coil { coil, on_ms: if is_after_stop && rng.random() { 0 } else { USE_MS } }
+                Command::Coil { coil, on_ms: USE_MS }
             };
             self.command("move", command);
             world::pass(rng.random_range(0..MOVE_PAUSE_MS));
@@ -642,6 +639,30 @@ impl Host<'_> {
         world::with(|world| world.stick_switches(None));
         world::pass(SETTLE_MS);
         self.command("clear", Command::Clear);
+    }
+
+    /// Again and again a stop leaves what a word has set; then one coil of an actuator with a latch is switched while its limit switch says
+    /// the same in every state.
+    fn switch_left_latches(&mut self, is_closed: bool, rng: &mut ChaCha8Rng) {
+        let Some((input, coils)) = self.script.arm.watched_latch(rng.random()) else { return };
+        for _ in 0..LEFT_LATCHES {
+            self.command("move", Command::Word(words::word(&self.script.arm, rng.random())));
+            world::pass(USE_MS.into());
+            self.stop("stop", Client::stop_at_once);
+            self.renew();
+            world::with(|world| world.stick_switches(Some((1 << input, is_closed))));
+            // The judge expects nothing of a switch while the board drives nothing, as after the pulse of a latch.
+            if let Some(coil) = self.script.arm.steady_coil() {
+                self.command("move", Command::Coil { coil, on_ms: USE_MS });
+            }
+            let on_ms = if rng.random() { USE_MS } else { 0 };
+            self.command("move", Command::Coil { coil: rng.random_range(coils.clone()), on_ms });
+            world::pass(SETTLE_MS);
+            self.events();
+            world::with(|world| world.stick_switches(None));
+            world::pass(SETTLE_MS);
+            self.command("clear", Command::Clear);
+        }
     }
 
     /// Runs the table whose program ends while its servos are on their way. Then something is to be stored at once, or one of them
