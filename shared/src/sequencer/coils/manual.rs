@@ -110,7 +110,7 @@ impl Coils<'_> {
         // A stop leaves latches as they are: no command for another coil resets them.
         self.set_all(now, now, (self.on ^ self.target | self.unknown) & self.asked)?;
         // Each actuator is as its coils are: the supply may not have fed all of the word, and a latch that a stop left set, and
-        // that nobody has asked for since, is still set.
+        // that was not requested since, is still set.
         let pulsed = self.actuators_of(self.pulsing & !pulsing);
         for (index, _) in Bits::of(self.wanted.differing(&self.word) | pulsed) {
             let Some([low, high]) = self.of_digit.get(index) else { continue };

@@ -31,7 +31,7 @@ fn main() -> ! {
     general::measure(&stack);
     of_one::measure();
     timer.disable_counter();
-    // One call of a law's whole model is longer than the counter: it needs the time.
+    // One call of a complete model with its laws is longer than the counter: it needs the time.
     time::start();
     laws::measure(&stack);
     debug::exit(debug::EXIT_SUCCESS);
