@@ -61,7 +61,7 @@ mod build;
 mod edit;
 mod fault;
 mod raw;
-mod starting_profile;
+pub(crate) mod starting_profile;
 mod wired_board;
 mod write;
 

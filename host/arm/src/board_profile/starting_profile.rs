@@ -1,6 +1,6 @@
 //! A first, cautious profile for the board of an arm, to be edited by a person.
 
-use darm_core::output::{Drive, MAX_INPUTS, ServoWiring};
+use darm_core::output::{CoilLimit, Drive, MAX_INPUTS, ServoWiring};
 use darm_core::profile::{BUILT_IN, Fallback, Output, Profile, Servo};
 
 use super::BoardProfile;
@@ -10,6 +10,9 @@ use crate::arm::{Arm, Connection};
 const SPEED_DEG_S: f64 = 20.0;
 const TORQUE: f32 = 0.2;
 const TIMEOUT_MS: u16 = 100;
+/// Longest time over which an output's duty counts. After power-up every output counts as used to its limit: with the ten minutes of a
+/// valve's default a first program of 3 s waits for 190 s, with one minute for 17 s.
+const WINDOW_MS: u32 = 60_000;
 
 /// What a person has to look up before the profile is written to a board.
 const ADVICE: &str = "\
@@ -34,7 +37,7 @@ const ADVICE: &str = "\
 
 impl BoardProfile {
     /// A cautious profile for the outputs and servos that `arm` names: every output holds the line with the same
-    /// number, with the limits that are built into a board; servos are slow and weak; limit switches are at inputs
+    /// number, within the limits that are built into a board; servos are slow and weak; limit switches are at inputs
     /// that count along the arm.
     pub fn first(arm: &Arm) -> Self {
         let mut profile = Profile { supply: BUILT_IN.supply, ..Profile::empty() };
@@ -53,12 +56,20 @@ impl BoardProfile {
     }
 }
 
+/// The same duty, in a window that is not too long for a first program: a limit that allows nothing more.
+pub(crate) fn first_limit(limit: CoilLimit) -> CoilLimit {
+    let CoilLimit { max_on_ms, duty_percent, window_ms } = limit;
+    let window_ms = window_ms.min(WINDOW_MS);
+    CoilLimit { max_on_ms: max_on_ms.min(window_ms / 100 * u32::from(duty_percent)), duty_percent, window_ms }
+}
+
 /// The input is that of the first output.
 fn add_outputs(profile: &mut Profile, connection: &Connection, input: Option<u8>) {
     let Some(built_in) = BUILT_IN.output(0) else { return };
+    let limit = first_limit(built_in.limit);
     for (index, &number) in connection.outputs.iter().enumerate() {
         let input = input.filter(|_| index == 0);
-        let output = Output { drive: Drive::Hold { line: number }, limit: built_in.limit, input };
+        let output = Output { drive: Drive::Hold { line: number }, limit, input };
         if let Some(place) = profile.outputs.get_mut(usize::from(number)) {
             *place = Some(output);
         }
@@ -88,11 +99,18 @@ mod tests {
         let wiring = wiring(&arm, &first.profile).unwrap();
         assert_eq!((wiring.coils.len(), wiring.servos.len()), (12, 1));
         let built_in = BUILT_IN.output(0).unwrap().limit;
-        assert!(
-            wiring.coils.iter().all(|coil| coil.limit == built_in && coil.drive == Drive::Hold { line: coil.output })
-        );
+        for coil in &wiring.coils {
+            assert_eq!(coil.drive, Drive::Hold { line: coil.output });
+            assert_eq!(coil.limit, first_limit(built_in));
+        }
         assert_eq!(wiring.switch_limit, BUILT_IN.supply);
         assert!(wiring.actuators.iter().enumerate().all(|(k, actuator)| actuator.switch.unwrap().input == k as u8));
+        for limit in [built_in, Drive::Hold { line: 0 }.default_limit()] {
+            let first = first_limit(limit);
+            // The same share of a shorter window is never more of a longer one.
+            assert!(first.max_on_ms <= limit.max_on_ms && first.window_ms <= limit.window_ms.min(WINDOW_MS));
+            assert_eq!(first.duty_percent, limit.duty_percent);
+        }
         assert!(wiring.servos[0].max_torque < 0.3 && wiring.servos[0].max_speed_rad_s < 0.5);
     }
 }

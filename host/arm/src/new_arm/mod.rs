@@ -14,6 +14,7 @@ use darm_core::units::Word;
 use crate::arm::frames::{self, DesiredFrame, Weights};
 use crate::arm::{Arm, ArmScratch, MAX_STAGES};
 use crate::board_profile::BoardProfile;
+use crate::board_profile::starting_profile::first_limit;
 use crate::stage_settings::{pose, settings};
 
 /// How long a valve with two coils needs current, ms: well above the switching time of small ones.
@@ -257,7 +258,7 @@ impl Choices {
         for (number, place) in (0u8..).zip(profile.outputs.iter_mut().take(self.n_actuators())) {
             let drive = self.valve.drive(number);
             let input = (usize::from(number) < n_switches).then_some(number);
-            *place = Some(Output { drive, limit: drive.default_limit(), input });
+            *place = Some(Output { drive, limit: first_limit(drive.default_limit()), input });
         }
         // A board that can read the far end of its chain demands that it is wired where the profile has its length.
         let chips = self.board.filter(|pins| pins.far_end.is_empty()).map(|_| self.n_chips() as u8);
