@@ -20,8 +20,10 @@ const MAX_WAITING: usize = 128;
 const RETRY: Duration = Duration::from_millis(100);
 /// Longest time for the connection that ends the thread.
 const LAST: Duration = Duration::from_secs(1);
-/// How a stop begins.
-const STOP: &[u8] = b"POST /api/stop ";
+/// The path of a stop.
+pub(crate) const STOP: &str = "/api/stop";
+/// The longest beginning of a request that is looked at, in bytes.
+const BEGINNING: usize = 32;
 
 /// Connections that are accepted and that nobody answers yet.
 #[derive(Default)]
@@ -87,8 +89,10 @@ impl Waiting {
 
 /// Whether what the client of a connection has sent begins as a stop.
 fn is_stop(stream: &TcpStream) -> bool {
-    let mut begin = [0; STOP.len()];
-    stream.peek(&mut begin).is_ok_and(|read| begin.get(..read) == Some(STOP))
+    let mut beginning = [0; BEGINNING];
+    let sent = stream.peek(&mut beginning).ok().and_then(|read| beginning.get(..read));
+    let path = sent.and_then(|sent| sent.strip_prefix(b"POST ")?.strip_prefix(STOP.as_bytes()));
+    path.is_some_and(|behind| behind.starts_with(b" "))
 }
 
 /// Accepts connections until [`Accepted::end`].

@@ -24,7 +24,7 @@ use tokio::net::TcpStream;
 use tokio::sync::{oneshot, watch};
 use tokio::task::JoinHandle;
 
-use crate::acceptor::Accepted;
+use crate::acceptor::{Accepted, STOP};
 
 /// Most connections at once: a browser opens six.
 pub const MAX_CONNECTIONS: usize = 256;
@@ -38,8 +38,6 @@ pub const PATIENCE: Duration = Duration::from_secs(10);
 pub(crate) const ENDING: Duration = Duration::from_secs(2);
 /// Largest head of a request, and most of a connection that is read ahead, in bytes.
 const BUFFER: usize = 1 << 16;
-/// The path of a stop.
-const STOP: &str = "/api/stop";
 
 /// Whether a request shows the key of the page with control.
 pub(crate) type HasControl = Arc<dyn Fn(&HeaderMap) -> bool + Send + Sync>;

@@ -17,7 +17,7 @@ use tokio::runtime::Builder;
 use tokio::sync::oneshot;
 use tower_http::timeout::RequestBodyTimeoutLayer;
 
-use crate::acceptor::{self, Accepted};
+use crate::acceptor::{self, Accepted, STOP};
 use crate::access::{Access, AccessError, Token};
 use crate::assets::ASSETS;
 use crate::board_port::BoardPort;
@@ -221,7 +221,7 @@ fn router(hub: Arc<Hub>, access: Access, line: Sender<Opened>) -> Router {
         .route("/api/program", get(api::program))
         .route("/api/program/table", get(api::table_file))
         .route("/api/program/visits", get(api::visit_file))
-        .route("/api/stop", post(api::stop))
+        .route(STOP, post(api::stop))
         .route("/api/control", post(api::control))
         .route("/api/here", post(api::here))
         .route("/api/samples", get(api::samples))
