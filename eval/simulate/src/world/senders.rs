@@ -76,6 +76,13 @@ pub struct Pulsed {
     has_supply: bool,
 }
 
+impl Pulsed {
+    /// The coil may still be switched on once the pulse is over: it waits for the supply, or the line holds a copy back.
+    pub fn may_come_late(&self, ending: Ending) -> bool {
+        !self.has_supply || ending == Ending::Unknown
+    }
+}
+
 /// After the end of a program its lines go off within this time, ns: two ticks.
 const END_NS: u64 = 3_000_000;
 
