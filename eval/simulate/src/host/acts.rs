@@ -1,5 +1,7 @@
 //! The host's acts that need more than one request, each with what the judges learn from it.
 
+use std::cell::Cell;
+
 use darm_core::output::MAX_SERVOS;
 use darm_core::sequencer::{Command, Phase};
 use darm_core::wire::bootstrap::RebootTarget;
@@ -317,8 +319,14 @@ impl Host<'_> {
             return;
         }
         world::pass(10 + seed % 50);
-        let (lines, asked_ns) = world::with(|world| (world.pins.high(), world.now_ns()));
-        let is_accepted = self.ask("reboot", |client| client.reboot(RebootTarget::Application)).is_some();
+        // Of the last request: the first may have been refused, rightly, before the lines went off.
+        let asked = Cell::new((0, 0));
+        let reboot = |client: &mut Client| {
+            asked.set(world::with(|world| (world.pins.high(), world.now_ns())));
+            client.reboot(RebootTarget::Application)
+        };
+        let is_accepted = self.ask("reboot", reboot).is_some();
+        let (lines, asked_ns) = asked.get();
         world::with(|world| {
             // A request that was lost and repeated may come when the coil is off.
             let is_quick = world.now_ns() < asked_ns + QUICK_NS;

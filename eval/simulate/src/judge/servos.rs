@@ -142,7 +142,8 @@ struct Track {
     was_garbled: bool,
     /// No order has moved it since the start.
     is_as_started: bool,
-    /// Where it came to rest first after its last order, as long as it has torque and all was well on its bus: starts may not add up.
+    /// Where it came to rest first after its last order, as long as it has torque, its board has power, and all was well on its bus: starts
+    /// may not add up.
     rested: Option<f32>,
     /// Since when it turns and reports an overload.
     overloaded_ns: Option<u64>,
@@ -364,6 +365,8 @@ impl Servos {
         }
         if !joint.is_heard || !is_powered {
             track.excused_ns = track.excused_ns.max(now_ns);
+            // No order to hold reaches it: one that is slow creeps on.
+            track.rested = None;
         }
         track.was_garbled |= joint.is_garbled();
         let gets_torque = joint.has_torque && !before.has_torque;
@@ -551,7 +554,7 @@ impl Servos {
                 if !has_torque || track.last.is_garbled() {
                     track.rested = None;
                 }
-                let first = *track.rested.get_or_insert(at);
+                let first = *track.rested.get_or_insert(step);
                 if (step - at).abs() > allowed || (step - first).abs() > allowed {
                     (track.motion, track.rested) = (Motion::Stopping(now_ns), None);
                     self.verdict.note(JUDGE, "unasked-motion", now_ns, || {
