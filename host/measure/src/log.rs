@@ -13,7 +13,7 @@
 use std::collections::BTreeMap;
 use std::iter;
 
-use darm_robot::csv_table::with_line_end;
+use darm_robot::csv_table::csv_reader;
 use darm_robot::files::Limits;
 use serde_json::{Map, Value, json};
 
@@ -176,7 +176,7 @@ pub fn cells(object: &Map<String, Value>) -> Vec<(String, String)> {
 ///
 /// A row is longer or shorter than the header, or the text is not UTF-8.
 pub fn from_text(text: &str) -> Result<Vec<u8>, LogError> {
-    let mut table = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(with_line_end(text.as_bytes()));
+    let mut table = csv_reader(text.as_bytes());
     let header = table.headers()?.clone();
     let mut log = Rows::new(&about(text.lines().map_while(|line| line.strip_prefix('#').map(|_| line))), header);
     for record in table.records() {

@@ -33,7 +33,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use darm_robot::csv_table::{CsvError, CsvFault, csv_error, place_of, with_line_end};
+use darm_robot::csv_table::{CsvError, CsvFault, csv_error, place_of, csv_reader};
 use darm_robot::files::{FileRef, Limits};
 use darm_robot::source::Fault;
 
@@ -152,8 +152,7 @@ impl Table {
         let too_large = || ReadError::Io { path: path.into(), error: io::Error::other(limits.too_many_cells()) };
         let text: Arc<[u8]> = with_plain_ends(text).into();
         let wrong = |error| csv_error(path, &text, &error);
-        let mut file =
-            csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(with_line_end(&text));
+        let mut file = csv_reader(&text);
         let header = file.headers().map_err(wrong)?.clone();
         if header.len() > limits.columns {
             return Err(too_large());

@@ -89,9 +89,11 @@ pub struct CsvRow<'a> {
     record: &'a StringRecord,
 }
 
-/// A text for a reader of CSV: without a line end behind it the `csv` crate takes a comment in the last line for a row.
-pub fn with_line_end(text: &[u8]) -> Chain<&[u8], &[u8]> {
-    text.chain(&b"\n"[..])
+/// The header and rows of a table as `darm` writes them: commas between cells, spaces around them left out, comments behind `#`.
+pub fn csv_reader(text: &[u8]) -> csv::Reader<Chain<&[u8], &[u8]>> {
+    // Without a line end behind it the `csv` crate takes a comment in the last line for a row.
+    let text = text.chain(&b"\n"[..]);
+    csv::ReaderBuilder::new().trim(Trim::All).comment(Some(b'#')).from_reader(text)
 }
 
 impl CsvTable {
@@ -116,8 +118,7 @@ impl CsvTable {
     /// There is no header, it names a column twice, or a row is longer or shorter than it.
     pub fn of_text(path: &Path, text: &str) -> Result<Self, CsvError> {
         let wrong = |error: csv::Error| csv_error(path, text.as_bytes(), &error);
-        let mut reader =
-            csv::ReaderBuilder::new().trim(Trim::All).comment(Some(b'#')).from_reader(with_line_end(text.as_bytes()));
+        let mut reader = csv_reader(text.as_bytes());
         let header = reader.headers().map_err(wrong)?.clone();
         if header.is_empty() {
             return Err(Source::of_text(path, text).error(None, Fault::Content(Box::new(CsvFault::NoHeader))));
