@@ -142,6 +142,16 @@ impl fmt::Display for Rule {
     }
 }
 
+impl PlanError {
+    /// The label of the visit that it is about, where there is one.
+    pub fn visit(&self) -> Option<&str> {
+        match self {
+            Self::Visit { visit, .. } | Self::Dwell { visit, .. } | Self::Row { visit, .. } => Some(visit),
+            Self::Wiring(_) | Self::Empty | Self::TooManyRows { .. } | Self::Table(_) => None,
+        }
+    }
+}
+
 impl fmt::Display for PlanError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

@@ -33,7 +33,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use darm_robot::csv_table::{CsvError, CsvFault, csv_error, place_of, csv_reader};
+use darm_robot::csv_table::{CsvError, CsvFault, csv_error, csv_reader, place_of};
 use darm_robot::files::{FileRef, Limits};
 use darm_robot::source::Fault;
 

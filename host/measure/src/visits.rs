@@ -133,7 +133,11 @@ impl Visits {
     }
 
     /// The same of a text; `path` only serves messages.
-    fn parse(path: &Path, text: &str) -> Result<Self, VisitsError> {
+    ///
+    /// # Errors
+    ///
+    /// A line is none of a visit file.
+    pub fn parse(path: &Path, text: &str) -> Result<Self, VisitsError> {
         let wrong = |(line, what)| VisitsError::Line { path: path.into(), line, what };
         let hash = |value: &str| u64::from_str_radix(value, 16).ok().map(ModelHash);
         let model = comment(text, 1, MODEL, hash).map_err(wrong)?;

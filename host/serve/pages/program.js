@@ -1,9 +1,11 @@
-// The page of the program: opens or makes a table, shows when each output is on and what is refused, uploads, plays and records it.
+// The page of the program: opens or makes a table, shows when each output is on and what is refused, uploads, plays, steps and records it.
 
 import { get, getBytes, post } from './server.js';
 import { follow, hasControl, onLive, order, showAlert } from './frame.js';
 import { byId, clock, degrees, make, save, seconds, setFacts, setText, short } from './format.js';
 import { TimeLine } from './timeline.js';
+import * as editor from './editor.js';
+import * as playback from './playback.js';
 
 const timeline = new TimeLine(byId('timeline'));
 let program = null;
@@ -12,19 +14,21 @@ let isUploading = false;
 let names = [];
 let live = null;
 
-async function open(file) {
+// A table, and its visit file behind it where that is given too.
+async function open(files) {
   showAlert(null);
-  try {
-    await post(`/api/open?name=${encodeURIComponent(file.name)}`, await file.arrayBuffer());
-  } catch (error) {
-    showAlert(program ? `${error.message} Still shown: ${program.name}.` : error.message);
+  const isVisits = (file) => file.name.endsWith('.csv');
+  for (const file of [...files].sort((a, b) => isVisits(a) - isVisits(b))) {
+    const path = isVisits(file) ? '/api/open-visits' : '/api/open';
+    try {
+      await post(`${path}?name=${encodeURIComponent(file.name)}`, isVisits(file) ? file : await file.arrayBuffer());
+    } catch (error) {
+      showAlert(program ? `${error.message} Still shown: ${program.name}.` : error.message);
+    }
   }
 }
 
-byId('file').addEventListener('change', (event) => {
-  const [file] = event.target.files;
-  if (file) open(file);
-});
+byId('file').addEventListener('change', (event) => open(event.target.files));
 const drop = byId('drop');
 for (const type of ['dragenter', 'dragover']) {
   drop.addEventListener(type, (event) => {
@@ -36,8 +40,7 @@ drop.addEventListener('dragleave', () => drop.classList.remove('over'));
 drop.addEventListener('drop', (event) => {
   event.preventDefault();
   drop.classList.remove('over');
-  const [file] = event.dataTransfer.files;
-  if (file) open(file);
+  open(event.dataTransfer.files);
 });
 
 function limitOf(refusal) {
@@ -52,6 +55,18 @@ function showRefusal(refusal) {
   if (!refusal) return;
   setText(note, `Refused: ${refusal.text ?? refusal.message}.${limitOf(refusal)}`);
 }
+
+// Sets the arm to a row by hand: where a program is tried step by step.
+function setButton(index) {
+  const button = make('button', { type: 'button', className: 'small', disabled: true }, 'Set');
+  button.dataset.needsControl = '';
+  button.dataset.ready = String(isLoaded());
+  button.setAttribute('aria-label', `Set the arm to row ${index}`);
+  button.addEventListener('click', () => playback.setRow(program, index));
+  return button;
+}
+
+const isLoaded = () => Boolean(program?.digest && live?.board?.table === program.digest);
 
 function showProgram(refusal) {
   byId('timeline-section').hidden = byId('rows-section').hidden = !program;
@@ -68,6 +83,7 @@ function showProgram(refusal) {
       make('td', { className: 'num' }, clock(row.at_s)),
       make('td', {}, make('code', {}, row.word)),
       make('td', {}, row.servos_rad.map(degrees).join(' ')),
+      make('td', {}, setButton(index)),
       make('td', {}, isRefused ? (refusal.text ?? refusal.message) : ''),
     ];
     return make('tr', { className: isRefused ? 'refused' : '' }, ...cells);
@@ -78,15 +94,16 @@ function showProgram(refusal) {
   ]);
 }
 
-// A table that was made after a diagnosis: what it is for, and its two files for `darm record`.
+// A table with its visit file: what it is for, and its two files for `darm record`.
 function showOrigin() {
   const origin = program?.origin ?? null;
   byId('origin').hidden = !origin;
   if (!origin) return;
   const after = origin.diagnosed ? ` after the diagnosis of ${origin.diagnosed}` : '';
-  setText(byId('origin-text'), `Made with model ${origin.model}${after}: ${origin.n_visits} visits in ${seconds(program.end_s)}. `
+  const model = origin.model === null ? 'another model' : `model ${origin.model}`;
+  setText(byId('origin-text'), `Made with ${model}${after}: ${origin.n_visits} visits in ${seconds(program.end_s)}. `
     + 'Upload it, then play it, or record it below. In a terminal, with both files saved:');
-  setText(byId('origin-command'), `darm upload ${program.name} && darm record ${program.name} -o run-${origin.model}.csv`);
+  setText(byId('origin-command'), `darm upload ${program.name} && darm record ${program.name} -o run-${origin.model ?? 1}.csv`);
 }
 
 async function saveFile(part, name, type) {
@@ -97,27 +114,6 @@ async function saveFile(part, name, type) {
     showAlert(error.message);
   }
 }
-
-// ---------------------------------------------------------------- make a table
-
-// The order of the rows is the order of the lines; what is not a word is refused with its text.
-async function makeTable(request) {
-  showAlert(null);
-  setText(byId('make-note'), 'Planning …');
-  try {
-    const made = await post('/api/plan', request, { timeoutMs: 120_000 });
-    setText(byId('make-note'), `${made.name}: ${made.n_visits} visits, opened above.`);
-  } catch (error) {
-    setText(byId('make-note'), `No table: ${error.message}`);
-  }
-}
-
-byId('make-plan').addEventListener('click', () => makeTable({ of: 'plan' }));
-byId('make-words').addEventListener('click', () => {
-  const words = byId('words').value.split('\n').map((line) => line.trim()).filter(Boolean);
-  const dwell = byId('dwell').value;
-  makeTable({ of: 'words', words, dwell_s: dwell === '' ? null : Number(dwell) });
-});
 
 // ---------------------------------------------------------------- record
 
@@ -153,7 +149,7 @@ function showRecording(isLoaded) {
   if (!recordings) return;
   const { last } = recordings;
   const isRunning = Boolean(last?.is_running);
-  const why = !program?.origin ? 'A table that was opened as a file has no visit file: record it with darm record.'
+  const why = !program?.origin ? 'Open its visit file too (.visits.csv): it says when the arm rests.'
     : !isLoaded ? 'Upload the table first.' : !hasControl() ? 'Take control to record.' : '';
   setText(byId('record-note'), isRunning ? '' : why);
   byId('record').disabled = Boolean(why) || isRunning || live.link.state !== 'live' || !byId('record-name').checkValidity();
@@ -191,6 +187,7 @@ async function act(path, body) {
     refusal.limit ??= lane?.limit;
     showProgram(refusal);
   }
+  return refusal;
 }
 
 byId('upload').addEventListener('click', async () => {
@@ -198,7 +195,17 @@ byId('upload').addEventListener('click', async () => {
   await act('/api/upload', { table: program.digest });
   isUploading = false;
 });
-byId('play').addEventListener('click', () => act('/api/command', { do: 'play', table: program.digest }));
+byId('play').addEventListener('click', async () => {
+  if (byId('loop').checked) playback.startLoop(live);
+  if (await act('/api/command', { do: 'play', table: program.digest })) playback.endLoop('');
+});
+byId('loop').addEventListener('change', (event) => {
+  if (event.target.checked && live.board?.phase.name === 'playing') playback.startLoop(live);
+  if (!event.target.checked) playback.endLoop('');
+});
+byId('pause').addEventListener('click', () => playback.pause(program, live));
+for (const [id, by] of [['step-back', -1], ['step', 1]]) byId(id).addEventListener('click', () => playback.stepBy(program, by));
+byId('edit').addEventListener('click', () => editor.take(program));
 
 function running(board) {
   const { phase } = board;
@@ -208,32 +215,38 @@ function running(board) {
   return names[phase.name] + row + fault;
 }
 
+let wasLoaded = false;
 function show(now) {
   live = now;
   const { board, upload } = live;
   if (live.program !== shown) fetchProgram(live.program).catch(() => { shown = -1; });
-  const isReady = program?.digest && board && !isUploading;
-  const isLoaded = isReady && board.table === program.digest;
-  for (const [id, isPossible] of [['upload', isReady], ['play', isLoaded]]) {
-    const button = byId(id);
-    button.disabled = !isPossible || !hasControl() || live.link.state !== 'live';
+  const isHere = live.link.state === 'live' && hasControl();
+  const isReady = Boolean(program?.digest && board && !isUploading && isHere);
+  const isPlaying = board?.phase.name === 'playing' || board?.phase.name === 'approaching';
+  const isPossible = { upload: isReady, play: isReady && isLoaded(), pause: isReady && isLoaded() && isPlaying };
+  for (const [id, possible] of Object.entries(isPossible)) byId(id).disabled = !possible;
+  for (const id of ['step-back', 'step']) byId(id).disabled = !isReady || !isLoaded() || isPlaying;
+  if (wasLoaded !== isLoaded()) {
+    wasLoaded = isLoaded();
+    for (const button of byId('rows').querySelectorAll('button')) button.dataset.ready = String(wasLoaded);
   }
-  const loaded = isLoaded ? 'The board has this table.' : `The board has ${board?.table ? `table ${short(board.table)}` : 'no table'}.`;
+  const loaded = isLoaded() ? 'The board has this table.' : `The board has ${board?.table ? `table ${short(board.table)}` : 'no table'}.`;
   const need = hasControl() ? '' : ' Take control to upload and play.';
   setText(byId('table-note'), board ? loaded + need : '');
-  showRecording(Boolean(isLoaded));
+  showRecording(isLoaded());
   byId('upload-progress').hidden = !upload;
   if (upload) byId('progress').value = upload.total ? upload.done / upload.total : 0;
   if (!board) return;
   setText(byId('running'), running(board));
-  timeline.setTime(isLoaded && board.phase.name === 'playing' && live.link.state === 'live' ? board.phase.since_s : null);
+  playback.follow(program, live);
+  timeline.setTime(isLoaded() && board.phase.name === 'playing' && live.link.state === 'live' ? board.phase.since_s : null);
 }
 
 // Names of the actuators; without an arm there are none.
 async function fetchNames() {
   try {
     const arm = await get('/api/arm');
-    byId('make-section').hidden = !arm;
+    if (arm) editor.start(arm);
     names = arm?.actuators.map((actuator) => actuator.name) ?? [];
     if (program) showProgram(program.refusal);
   } catch {

@@ -2,6 +2,7 @@
 
 import { get, post } from './server.js';
 import { follow, onLive, order } from './frame.js';
+import { Draft, withVisit } from './draft.js';
 import { byId, degrees, fixed, make, percent, poseText, seconds, setFacts, setText, titleCells } from './format.js';
 import { DensityPlot } from './density.js';
 
@@ -190,12 +191,18 @@ function showFound(answer, wanted) {
     ['switches', `${found.switches} actuators from the word now`],
     ['search', seconds(found.took_s)],
   ]);
+  byId('add-visit').disabled = false;
   if (isOther) orders.ask();
   markDensity();
 }
 
 // One word at a time: more actuators at once than the supply feeds would be refused.
 byId('set').addEventListener('click', () => order('/api/command', { do: 'word', word: rests[1].word }));
+byId('add-visit').addEventListener('click', () => {
+  const draft = new Draft();
+  draft.become(withVisit(draft.now, { word: found.word, servosDeg: found.servos_rad.map((rad) => (180 / Math.PI) * rad), dwell: '' }));
+  setText(byId('order-note'), `Visit ${draft.now.visits.length} of the table that is made on the page Program.`);
+});
 byId('compare').addEventListener('change', () => search.ask());
 byId('optimise').addEventListener('change', () => search.ask());
 byId('cancel-search').addEventListener('click', () => {

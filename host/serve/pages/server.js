@@ -13,6 +13,7 @@ export class Refusal extends Error {
   constructor(refused) {
     super(refused.text);
     this.kind = refused.kind;
+    this.visit = refused.visit;
     this.row = refused.row;
     this.output = refused.output;
     this.limit = refused.limit;

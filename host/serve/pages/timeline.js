@@ -27,8 +27,10 @@ function steps(end, count) {
 }
 
 export class TimeLine {
-  constructor(place) {
+  // `onToggle(lane, at_s)` is called where a lane is clicked.
+  constructor(place, onToggle = null) {
     this.place = place;
+    this.onToggle = onToggle;
   }
 
   // `names` are those of the actuators, as far as they are known.
@@ -72,6 +74,7 @@ export class TimeLine {
     const y = TOP + height * index;
     const isCause = refusal && refusal.output === lane.output;
     const parts = [draw('text', { class: isCause ? 'name cause' : 'name', x: 4, y: y + name }, this.label(lane))];
+    if (this.onToggle) parts.push(this.ground(lane, y));
     parts.push(draw('line', { class: 'grid', x1: left, x2: this.width - right, y1: y + height - 1, y2: y + height - 1 }));
     for (const [from, to] of lane.spans_s) {
       const width = Math.max(1, this.x(to) - this.x(from));
@@ -80,6 +83,19 @@ export class TimeLine {
       parts.push(span);
     }
     return parts;
+  }
+
+  // What of a lane can be clicked, the spans above it included.
+  ground(lane, y) {
+    const { lane: height, left, right } = this.size;
+    const ground = draw('rect', { class: 'ground', x: left, y, width: this.width - left - right, height });
+    const toggle = (event) => {
+      const { left: begin, width } = this.place.querySelector('svg').getBoundingClientRect();
+      const x = ((event.clientX - begin) * this.width) / width;
+      this.onToggle(lane, ((x - left) / (this.width - left - right)) * (this.program.end_s || 1));
+    };
+    ground.addEventListener('click', toggle);
+    return ground;
   }
 
   mark(refusal) {

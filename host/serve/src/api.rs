@@ -15,11 +15,13 @@
 //! | `GET /api/console`  | no            | lines of the console after `?after=NUMBER`                              |
 //! | `POST /api/console` | only for a line that may change something | types a line, as at the board's console             |
 //! | `POST /api/open`    | no            | opens a table file: its bytes; nothing is sent to the board             |
+//! | `POST /api/open-visits` | no        | opens the visit file of the opened table                                |
 //! | `POST /api/upload`  | yes           | brings the opened table to the board                                    |
 //! | `POST /api/command` | yes           | plays, clears the safe state, switches an output, a word or a servo     |
 //!
 //! A page shows its control by the header `x-darm-control`. No `GET` changes anything.
 
+use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -32,6 +34,7 @@ use darm_arm::table_file::digest;
 use darm_core::sequencer::Command;
 use darm_device::client::sharing::LineKind;
 use darm_device::client::stop::Confirmation;
+use darm_measure::visits::Visits;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
@@ -39,7 +42,7 @@ use crate::console::ConsoleLine;
 use crate::control::LEASE;
 use crate::hub::Hub;
 use crate::order::Task;
-use crate::program::Program;
+use crate::program::{Origin, Program};
 use crate::refusal::{Kind, Refused};
 use crate::samples::SamplesView;
 
@@ -293,9 +296,30 @@ pub(crate) struct Named {
     name: String,
 }
 
-pub(crate) async fn open(State(hub): Shared, Query(Named { name }): Query<Named>, bytes: Bytes) -> Answer<u64> {
-    let name: String = name.chars().filter(|c| !c.is_control()).take(MAX_NAME).collect();
-    hub.set_program(Arc::new(Program::open(&name, &bytes)?));
+impl Named {
+    fn shown(&self) -> String {
+        self.name.chars().filter(|c| !c.is_control()).take(MAX_NAME).collect()
+    }
+}
+
+pub(crate) async fn open(State(hub): Shared, Query(named): Query<Named>, bytes: Bytes) -> Answer<u64> {
+    hub.set_program(Arc::new(Program::open(&named.shown(), &bytes)?));
+    Ok(Json(hub.view().program))
+}
+
+/// A table is recorded with its visit file: from here on as one that the server made.
+pub(crate) async fn open_visits(State(hub): Shared, Query(named): Query<Named>, text: String) -> Answer<u64> {
+    let invalid = |error: &dyn std::fmt::Display| Refused::new(Kind::Invalid, error);
+    let visits_name = named.shown();
+    let visits = Visits::parse(Path::new(&visits_name), &text).map_err(|error| invalid(&error))?;
+    let program = hub.program().filter(|program| program.digest() == Some(visits.table));
+    let other = format!("{visits_name} belongs to another table than the one that is open; open its table first");
+    let program = program.ok_or_else(|| invalid(&other))?;
+    let own = hub.wired().filter(|wired| wired.arm.hash() == visits.model);
+    let model = own.map(|wired| wired.arm.model.number);
+    let origin = Origin { visits_name, n_visits: visits.rests.len(), diagnosed: None, model };
+    let program = Program::open(&program.view.name, &program.bytes)?.with_visits(origin, text);
+    hub.set_program(Arc::new(program));
     Ok(Json(hub.view().program))
 }
 
@@ -310,23 +334,37 @@ pub(crate) async fn upload(State(hub): Shared, headers: HeaderMap, Json(request)
     let program = hub.program().filter(|program| program.view.digest.as_ref() == Some(&request.table));
     let program =
         program.ok_or_else(|| Refused::new(Kind::Invalid, "another table was opened meanwhile; look at it"))?;
-    execute(&hub, &headers, Task::Upload(program)).await
+    order(&hub, Some(key(&headers)?), Task::Upload(program), None).await
 }
 
 #[derive(Deserialize)]
 #[serde(tag = "do", rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) enum CommandRequest {
-    Play { table: String },
+    Play {
+        table: String,
+        /// Number of stops that the page knows of, where it plays the table again by itself.
+        stops: Option<u64>,
+    },
     Clear,
-    Coil { coil: u8, on_ms: u32 },
-    Word { word: String },
-    Servo { servo: u8, angle_rad: f32 },
+    Coil {
+        coil: u8,
+        on_ms: u32,
+    },
+    Word {
+        word: String,
+    },
+    Servo {
+        servo: u8,
+        angle_rad: f32,
+    },
 }
 
 pub(crate) async fn command(State(hub): Shared, headers: HeaderMap, Json(request): Json<CommandRequest>) -> Answer<()> {
     let invalid = |text: &str| Refused::new(Kind::Invalid, text);
+    let mut known_stops = None;
     let task = match request {
-        CommandRequest::Play { table } => {
+        CommandRequest::Play { table, stops } => {
+            known_stops = stops;
             Task::Play { table: digest(&table).ok_or_else(|| invalid("a digest has 64 hexadecimal digits"))? }
         }
         CommandRequest::Clear => Task::Command(Command::Clear),
@@ -336,7 +374,7 @@ pub(crate) async fn command(State(hub): Shared, headers: HeaderMap, Json(request
         )),
         CommandRequest::Servo { servo, angle_rad } => Task::Command(Command::Servo { servo, angle_rad }),
     };
-    execute(&hub, &headers, task).await
+    order(&hub, Some(key(&headers)?), task, known_stops).await
 }
 
 pub(crate) async fn samples(State(hub): Shared, Query(After { after }): Query<After>) -> Json<SamplesView> {
@@ -367,14 +405,10 @@ pub(crate) async fn type_line(
             return stopped(Instant::now(), hub.request_stop().await).map(|_| Json(()));
         }
     };
-    order(&hub, key, Task::Type(line)).await
+    order(&hub, key, Task::Type(line), None).await
 }
 
-async fn execute(hub: &Hub, headers: &HeaderMap, task: Task) -> Answer<()> {
-    order(hub, Some(key(headers)?), task).await
-}
-
-async fn order(hub: &Hub, key: Option<u64>, task: Task) -> Answer<()> {
-    let answered = hub.order(key, task)?;
+async fn order(hub: &Hub, key: Option<u64>, task: Task, known_stops: Option<u64>) -> Answer<()> {
+    let answered = hub.order(key, task, known_stops)?;
     answered.await.map_err(|_| Refused::new(Kind::Link, "the server is ending"))?.map(Json)
 }

@@ -26,7 +26,7 @@ macro_rules! asset {
 }
 
 /// All of them.
-pub const ASSETS: [Asset; 25] = [
+pub const ASSETS: [Asset; 28] = [
     asset!("/style.css", "text/css; charset=utf-8", "../pages/style.css"),
     asset!("/icon.svg", "image/svg+xml", "../pages/icon.svg"),
     asset!("/server.js", SCRIPT, "../pages/server.js"),
@@ -39,6 +39,9 @@ pub const ASSETS: [Asset; 25] = [
     asset!("/measured.js", SCRIPT, "../pages/measured.js"),
     asset!("/arm.js", SCRIPT, "../pages/arm.js"),
     asset!("/program.js", SCRIPT, "../pages/program.js"),
+    asset!("/editor.js", SCRIPT, "../pages/editor.js"),
+    asset!("/draft.js", SCRIPT, "../pages/draft.js"),
+    asset!("/playback.js", SCRIPT, "../pages/playback.js"),
     asset!("/timeline.js", SCRIPT, "../pages/timeline.js"),
     asset!("/reach.js", SCRIPT, "../pages/reach.js"),
     asset!("/target.js", SCRIPT, "../pages/target.js"),

@@ -185,7 +185,7 @@ async fn make_table(State(diagnoses): Shared, Json(request): Json<TableRequest>)
     let hub = Arc::clone(&diagnoses.hub);
     let made = diagnoses.tables.run(move |work| {
         let (visited, name) = match request.of {
-            Of::Words => (Visited::Words(next.words, None), "next"),
+            Of::Words => (Visited::of_words(next.words), "next"),
             Of::Plan => (Visited::Plan, "plan"),
         };
         made_table::open(&hub, &next.arm, &visited, (name, Some(next.diagnosed)), work)

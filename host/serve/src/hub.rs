@@ -218,18 +218,23 @@ impl Hub {
 
     /// Number of stops so far: of pages, and of others through the port. One may count twice.
     pub(crate) fn stops(&self) -> u64 {
-        let state = self.state();
+        self.stops_of(&self.state())
+    }
+
+    fn stops_of(&self, state: &State) -> u64 {
         let of_port = state.handle.as_ref().map_or(0, StopHandle::stops);
         self.stops.load(Ordering::SeqCst) + state.former_stops + of_port
     }
 
-    /// Queues an order of the page with this key, or one that needs no control; its result comes through the receiver.
+    /// Queues an order of the page with this key, or one that needs no control; its result comes through the receiver. `known_stops` is
+    /// the number of stops that the page knows of, where no person has just ordered it: a later one outdates it.
     pub(crate) fn order(
         &self,
         key: Option<u64>,
         task: Task,
+        known_stops: Option<u64>,
     ) -> Result<oneshot::Receiver<Result<(), Refused>>, Refused> {
-        let stops = self.stops();
+        let stops = known_stops.unwrap_or_else(|| self.stops());
         if let Some(key) = key {
             self.control(|control, now| control.check(now, key))?;
         }
@@ -297,6 +302,7 @@ impl Hub {
             revision: *self.revision.borrow(),
             link,
             port: state.port.clone(),
+            stops: self.stops_of(&state),
             age_s: age.map(|age| age.as_secs_f64()),
             control: state.control.holder(now).map(|holder| ControlView {
                 page: holder.grant.page,

@@ -1,4 +1,4 @@
-//! Tables that the server makes: of words, or of a measurement plan.
+//! Tables that the server makes: of edited visits, of words, or of a measurement plan.
 
 use darm_arm::arm::{Arm, frames};
 use darm_arm::board_profile::BoardProfile;
@@ -6,21 +6,42 @@ use darm_arm::plan::Visit;
 use darm_arm::table_file;
 use darm_core::units::Word;
 use darm_diagnose::measurement_plan::{self, measurement_visits};
-use darm_measure::visit_table::{MEASUREMENT_DWELL_S, PlannedVisit, VisitTable, default_dwell_s};
-use serde::Serialize;
+use darm_measure::visit_table::{MEASUREMENT_DWELL_S, PlannedVisit, VisitTable, VisitTableError, default_dwell_s};
+use darm_measure::visits::Visits;
+use serde::{Deserialize, Serialize};
 
 use crate::hub::Hub;
 use crate::job_queue::Work;
-use crate::program::{Origin, Program};
-use crate::refusal::{Kind, Refused};
+use crate::program::{Origin, Program, ProgramView};
+use crate::refusal::{Kind, Place, Refused};
 
 /// What is to be visited.
 #[derive(Clone, Debug)]
 pub(crate) enum Visited {
-    /// These words in this order; each for this time, s, else until the arm rests and a few pictures are taken.
-    Words(Vec<String>, Option<f64>),
+    /// These visits in this order; whether the arm may rest between them, so that limits of outputs are kept.
+    Edited(Vec<EditedVisit>, bool),
     /// Words of which every parameter and every effect can be determined.
     Plan,
+}
+
+impl Visited {
+    /// These words, without a rest between them.
+    pub(crate) fn of_words(words: Vec<String>) -> Self {
+        let visit = |word| EditedVisit { word, servos_rad: Vec::new(), dwell_s: None };
+        Self::Edited(words.into_iter().map(visit).collect(), false)
+    }
+}
+
+/// A visit as a page edits it.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct EditedVisit {
+    pub(crate) word: String,
+    /// Joint angles, rad.
+    #[serde(default)]
+    pub(crate) servos_rad: Vec<f64>,
+    /// How long the arm rests there, s; by default until it is still and a few pictures are taken.
+    pub(crate) dwell_s: Option<f64>,
 }
 
 /// A table that was made.
@@ -29,6 +50,24 @@ pub(crate) struct TableView {
     name: String,
     digest: String,
     n_visits: usize,
+}
+
+/// A table that is being edited, as it would be.
+#[derive(Serialize)]
+pub(crate) struct DraftView {
+    #[serde(flatten)]
+    program: ProgramView,
+    /// From when to when the arm rests at each visit, s.
+    visits_s: Vec<[f64; 2]>,
+}
+
+const DRAFT: &str = "draft";
+
+/// The table of these visits, which no page opens yet.
+pub(crate) fn draft(arm: &Arm, profile: &BoardProfile, visited: &Visited) -> Result<DraftView, Refused> {
+    let (table, visits) = make(arm, visited, profile)?;
+    let program = Program::open(DRAFT, &table)?.view;
+    Ok(DraftView { program, visits_s: visits.rests.iter().map(|rest| [rest.from_s, rest.to_s]).collect() })
 }
 
 /// Makes the table of an arm, called `name`, and opens it, as a page does with a file: nothing is sent to the board. `diagnosed` are
@@ -46,40 +85,46 @@ pub(crate) fn open(
     let (table, visits) = make(arm, visited, &wired.profile)?;
     let n_visits = visits.rests.len();
     let view = TableView { name: format!("{name}.darm"), digest: visits.table.to_string(), n_visits };
-    let origin = Origin { visits_name: format!("{name}.visits.csv"), n_visits, diagnosed, model: arm.model.number };
-    let program = Program::open(&view.name, &table)?.made(origin, visits.to_text());
+    let origin =
+        Origin { visits_name: format!("{name}.visits.csv"), n_visits, diagnosed, model: Some(arm.model.number) };
+    let program = Program::open(&view.name, &table)?.with_visits(origin, visits.to_text());
     // A page that has left opens no table on those of others.
     work.check()?;
     hub.set_program(std::sync::Arc::new(program));
     Ok(view)
 }
 
-fn make(
-    arm: &Arm,
-    visited: &Visited,
-    profile: &BoardProfile,
-) -> Result<(Vec<u8>, darm_measure::visits::Visits), Refused> {
-    let refused = |error: &dyn std::fmt::Display| Refused::new(Kind::Refused, error);
+fn make(arm: &Arm, visited: &Visited, profile: &BoardProfile) -> Result<(Vec<u8>, Visits), Refused> {
     let (planned, may_rest) = match visited {
-        Visited::Words(words, dwell_s) => {
-            let dwell_s = dwell_s.unwrap_or_else(|| default_dwell_s(arm, profile));
-            let visits: Result<Vec<PlannedVisit>, _> =
-                words.iter().map(|text| word_visit(arm, text, dwell_s)).collect();
-            (visits?, false)
+        Visited::Edited(edited, may_rest) => {
+            let dwell_s = default_dwell_s(arm, profile);
+            let visit = |(index, visit): (usize, &EditedVisit)| planned(arm, index, visit, dwell_s);
+            (edited.iter().enumerate().map(visit).collect::<Result<_, _>>()?, *may_rest)
         }
         Visited::Plan => {
             let visits = measurement_visits(arm, &measurement_plan::Options::default(), MEASUREMENT_DWELL_S);
-            (visits.map_err(|error| refused(&error))?, true)
+            (visits.map_err(|error| Refused::new(Kind::Refused, error))?, true)
         }
     };
     let table = VisitTable { arm, profile, device: None, modules: &[], may_rest };
-    let (plan, visits) = table.of(&planned).map_err(|error| refused(&error))?;
+    let (plan, visits) = table.of(&planned).map_err(|error| {
+        let VisitTableError::Plan(plan) = &error else { return Refused::new(Kind::Refused, error) };
+        let index = planned.iter().position(|planned| plan.visit() == Some(&planned.visit.label));
+        Refused { place: Place { visit: index, ..Place::default() }, ..Refused::new(Kind::Refused, error) }
+    })?;
     Ok((table_file::bytes(&plan.image), visits))
 }
 
-fn word_visit(arm: &Arm, text: &str, dwell_s: f64) -> Result<PlannedVisit, Refused> {
-    let refused = |error: &dyn std::fmt::Display| Refused::new(Kind::Refused, format!("{text}: {error}"));
+/// A visit, called by its number from 1, as a page numbers them.
+fn planned(arm: &Arm, index: usize, visit: &EditedVisit, default_s: f64) -> Result<PlannedVisit, Refused> {
+    let EditedVisit { word: text, servos_rad, dwell_s } = visit;
+    let label = format!("visit {}", index + 1);
+    let refused = |error: &dyn std::fmt::Display| Refused {
+        place: Place { visit: Some(index), ..Place::default() },
+        ..Refused::new(Kind::Refused, format!("{label}, {text}: {error}"))
+    };
     let word: Word = text.parse().map_err(|error| refused(&error))?;
     frames::check_word(&word, arm).map_err(|error| refused(&error))?;
-    Ok(PlannedVisit { visit: Visit { word, servos_rad: Vec::new(), dwell_s, label: text.into() }, held_out: false })
+    let visit = Visit { word, servos_rad: servos_rad.clone(), dwell_s: dwell_s.unwrap_or(default_s), label };
+    Ok(PlannedVisit { visit, held_out: false })
 }

@@ -224,8 +224,8 @@ fn program() -> Markup {
         section aria-labelledby="table-title" {
             h2 #table-title { "Table" }
             div #drop .drop {
-                label for="file" { "Open a table of " code { "darm table" } " (.darm), or drop it here" }
-                input #file type="file" accept=".darm";
+                label for="file" { "Open a table of " code { "darm table" } " (.darm) and its visit file (.visits.csv), or drop them here" }
+                input #file type="file" accept=".darm,.csv" multiple;
             }
             p #no-program .note hidden { "None yet? Make one below." }
             div #origin hidden {
@@ -243,7 +243,13 @@ fn program() -> Markup {
             div.buttons {
                 button #upload type="button" disabled { "Upload" }
                 button #play type="button" disabled { "Play" }
+                label { input #loop type="checkbox"; " again and again" }
+                button #pause type="button" disabled { "Pause" }
+                button #step-back type="button" disabled { "Row back" }
+                button #step type="button" disabled { "Next row" }
             }
+            p #loop-note .note role="status" {}
+            p .note { "Pause stops, then sets the row that was reached: what a coil alone holds lets go for the moment between." }
             p #running .phase.values role="status" {}
             div #upload-progress hidden { label for="progress" { "Upload" } progress #progress max="1" value="0" {} }
         }
@@ -259,32 +265,53 @@ fn program() -> Markup {
                 p #record-result role="status" {}
             }
         }
-        section #make-section aria-labelledby="make-title" hidden {
-            h2 #make-title { "Make a table" }
-            label for="words" { "Words, one on each line, actuator 0 first" }
-            textarea #words rows="4" spellcheck="false" autocomplete="off" {}
-            label for="dwell" { "Rest in each, s (empty: until the arm is still and a few pictures are taken)" }
-            input #dwell type="number" min="0" max="3600" step="any";
-            div.buttons {
-                button #make-words type="button" { "Table of these words" }
-                button #make-plan type="button" { "Measurement plan" }
-            }
-            p #make-note .note role="status" {}
-        }
         section #timeline-section aria-labelledby="timeline-title" hidden {
             h2 #timeline-title { "Time line" }
             div.scroll tabindex="0" role="region" aria-labelledby="timeline-title" { div #timeline {} }
         }
         section #rows-section aria-labelledby="rows-title" hidden {
             h2 #rows-title { "Rows" }
+            div.buttons { button #edit type="button" { "Edit as a new table" } }
             div.scroll.tall tabindex="0" role="region" aria-labelledby="rows-title" {
                 table {
                     thead { tr {
                         th.num scope="col" { "Row" } th.num scope="col" { "Time" } th scope="col" { "Word" }
-                        th scope="col" { "Servos" } th scope="col" { "Refused because" }
+                        th scope="col" { "Servos" } th scope="col" { "By hand" } th scope="col" { "Refused because" }
                     } }
                     tbody #rows {}
                 }
+            }
+        }
+        (make_section())
+    }
+}
+
+fn make_section() -> Markup {
+    html! {
+        section #make-section aria-labelledby="make-title" hidden {
+            h2 #make-title { "Make a table" }
+            div.buttons {
+                button #add type="button" { "Add a visit" }
+                button #undo type="button" disabled { "Undo" }
+                button #redo type="button" disabled { "Redo" }
+                button #make-plan type="button" { "Measurement plan" }
+            }
+            div.scroll.tall tabindex="0" role="region" aria-labelledby="make-title" {
+                table.cards hidden {
+                    thead { tr {
+                        th.num scope="col" { "Visit" } th scope="col" { "Word, actuator 0 first" } th scope="col" { "Servos, deg" }
+                        th scope="col" { "Rest, s" } th scope="col" { "Row" }
+                    } }
+                    tbody #visits {}
+                }
+            }
+            label { input #may-rest type="checkbox"; " Let the arm rest between visits where the limits of outputs demand it" }
+            div #draft-scroll .scroll tabindex="0" role="region" aria-label="Time line of the visits; a click switches an output" hidden { div #draft {} }
+            p #make-note .note role="status" {}
+            div.buttons { button #make-visits type="button" disabled { "Open as a table" } }
+            p.note {
+                "Several lines that are pasted into a word become visits. Without a rest the arm stays until it is still and a few pictures are taken. "
+                kbd { "Ctrl+Z" } " is undo."
             }
         }
     }

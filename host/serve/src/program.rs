@@ -18,11 +18,11 @@ pub struct Program {
     pub view: ProgramView,
     /// The bytes of its file.
     pub bytes: Vec<u8>,
-    /// The text of its visit file, of a table that the server made.
+    /// The text of its visit file, of a table that the server made or that was opened with it.
     pub visits: Option<String>,
 }
 
-/// Where a table of the server comes from.
+/// Where a table with a visit file comes from.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Origin {
     /// Name of its visit file.
@@ -31,8 +31,8 @@ pub struct Origin {
     pub n_visits: usize,
     /// What was diagnosed, where it was made after a diagnosis.
     pub diagnosed: Option<String>,
-    /// Number of the model that it was made with.
-    pub model: u32,
+    /// Number of the model that it was made with; `None` where that is not the server's.
+    pub model: Option<u32>,
 }
 
 /// A table as pages show it.
@@ -50,7 +50,7 @@ pub struct ProgramView {
     pub lanes: Vec<Lane>,
     /// Why it is refused, with row and limit.
     pub refusal: Option<Refused>,
-    /// What the server made it from; `None` of a file that was opened.
+    /// What it was made from; `None` of a table that was opened without its visit file.
     pub origin: Option<Origin>,
 }
 
@@ -102,9 +102,9 @@ impl Program {
         }
     }
 
-    /// The same made by the server, with its visit file.
+    /// The same with its visit file.
     #[must_use]
-    pub fn made(self, origin: Origin, visits: String) -> Self {
+    pub fn with_visits(self, origin: Origin, visits: String) -> Self {
         Self { view: ProgramView { origin: Some(origin), ..self.view }, visits: Some(visits), ..self }
     }
 

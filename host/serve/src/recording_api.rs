@@ -4,7 +4,8 @@
 //! |----------------------|---------------|--------------------------------------------------------------------------------|
 //! | `GET /api/data`      | no            | names of the measurements in the folder of `--data`                             |
 //! | `GET /api/data/NAME` | no            | one of them                                                                     |
-//! | `POST /api/plan`     | no            | makes and opens a table of the server's arm: of words, or of a measurement plan |
+//! | `POST /api/draft`    | no            | how a table of these visits of the server's arm would be; opens nothing         |
+//! | `POST /api/plan`     | no            | makes and opens a table of the server's arm: of visits, or of a measurement plan |
 //! | `POST /api/record`   | yes           | plays the opened table and measures, into a new file of that folder              |
 
 use std::sync::Arc;
@@ -14,23 +15,32 @@ use axum::http::{HeaderMap, header};
 use axum::response::{IntoResponse as _, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
+use darm_arm::wired_arm::WiredArm;
 use serde::Deserialize;
 
 use crate::api::key;
 use crate::hub::Hub;
 use crate::job_queue::{JobQueue, Work};
-use crate::made_table::{self, TableView, Visited};
+use crate::made_table::{self, DraftView, EditedVisit, TableView, Visited};
 use crate::recording::DataFile;
 use crate::refusal::{Kind, Refused};
 
-/// Words of one table, at most: more than a board stores.
-const MAX_WORDS: usize = 4096;
+/// Visits of one table, at most: more than a board stores.
+const MAX_VISITS: usize = 4096;
 
 #[derive(Deserialize)]
 #[serde(tag = "of", rename_all = "kebab-case", deny_unknown_fields)]
 enum PlanRequest {
     Plan,
-    Words { words: Vec<String>, dwell_s: Option<f64> },
+    Visits(EditedTable),
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct EditedTable {
+    visits: Vec<EditedVisit>,
+    /// Whether the arm may rest between them with every coil off, where limits of outputs demand it.
+    may_rest: bool,
 }
 
 #[derive(Deserialize)]
@@ -46,17 +56,19 @@ struct Requests {
     hub: Arc<Hub>,
     files: Arc<JobQueue>,
     plans: Arc<JobQueue>,
+    drafts: Arc<JobQueue>,
 }
 
 /// The requests about recordings.
 pub(crate) fn router(hub: Arc<Hub>) -> Router {
-    let [files, plans] = [(); 2].map(|()| Arc::new(JobQueue::new()));
+    let [files, plans, drafts] = [(); 3].map(|()| Arc::new(JobQueue::new()));
     Router::new()
         .route("/api/data", get(list))
         .route("/api/data/{name}", get(file))
+        .route("/api/draft", post(draft))
         .route("/api/plan", post(plan))
         .route("/api/record", post(record))
-        .with_state(Requests { hub, files, plans })
+        .with_state(Requests { hub, files, plans, drafts })
 }
 
 async fn list(State(requests): State<Requests>) -> Result<Json<Vec<DataFile>>, Refused> {
@@ -70,23 +82,40 @@ async fn file(State(requests): State<Requests>, Path(name): Path<String>) -> Res
     Ok(([(header::CONTENT_TYPE, "text/csv; charset=utf-8")], bytes).into_response())
 }
 
-async fn plan(State(requests): State<Requests>, Json(request): Json<PlanRequest>) -> Result<Json<TableView>, Refused> {
-    let visited = match request {
-        PlanRequest::Plan => Visited::Plan,
-        PlanRequest::Words { words, dwell_s } => {
-            let is_dwell = |dwell_s: &f64| (0.0..=3600.0).contains(dwell_s);
-            if words.is_empty() || words.len() > MAX_WORDS || !dwell_s.iter().all(is_dwell) {
-                let text = format!("a table has 1 to {MAX_WORDS} words, each for 0 to 3600 s");
-                return Err(Refused::new(Kind::Invalid, text));
-            }
-            Visited::Words(words, dwell_s)
+impl EditedTable {
+    fn visited(self) -> Result<Visited, Refused> {
+        let is_dwell = |dwell_s: &f64| (0.0..=3600.0).contains(dwell_s);
+        let Self { visits, may_rest } = self;
+        let is_allowed = visits.iter().filter_map(|visit| visit.dwell_s.as_ref()).all(is_dwell);
+        if visits.is_empty() || visits.len() > MAX_VISITS || !is_allowed {
+            let text = format!("a table has 1 to {MAX_VISITS} visits, each for 0 to 3600 s");
+            return Err(Refused::new(Kind::Invalid, text));
         }
+        Ok(Visited::Edited(visits, may_rest))
+    }
+}
+
+fn wired(hub: &Hub) -> Result<&WiredArm, Refused> {
+    hub.wired().ok_or_else(|| Refused::new(Kind::Invalid, "the server has no arm; start it with one"))
+}
+
+async fn draft(State(requests): State<Requests>, Json(table): Json<EditedTable>) -> Result<Json<DraftView>, Refused> {
+    let (visited, hub) = (table.visited()?, requests.hub);
+    let made = requests.drafts.run(move |_| {
+        let WiredArm { arm, profile, .. } = wired(&hub)?;
+        made_table::draft(arm, profile, &visited)
+    });
+    made.await.map(Json)
+}
+
+async fn plan(State(requests): State<Requests>, Json(request): Json<PlanRequest>) -> Result<Json<TableView>, Refused> {
+    let (visited, name) = match request {
+        PlanRequest::Plan => (Visited::Plan, "plan"),
+        PlanRequest::Visits(table) => (table.visited()?, "visits"),
     };
     let hub = requests.hub;
     let made = requests.plans.run(move |work: &Work| {
-        let no_arm = || Refused::new(Kind::Invalid, "the server has no arm; start it with one");
-        let arm = hub.wired().ok_or_else(no_arm)?.arm.clone();
-        let name = if matches!(visited, Visited::Plan) { "plan" } else { "words" };
+        let arm = wired(&hub)?.arm.clone();
         made_table::open(&hub, &arm, &visited, (name, None), work)
     });
     made.await.map(Json)

@@ -32,6 +32,8 @@ pub enum Kind {
 /// Where the cause is, as far as there is one place.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Place {
+    /// Index of the visit, of a table that is being made.
+    pub visit: Option<usize>,
     /// Index of the row; the number of rows for the end of the program.
     pub row: Option<u16>,
     /// Number of the output.

@@ -227,6 +227,7 @@ fn router(hub: Arc<Hub>, access: Access, line: Sender<Opened>) -> Router {
         .route("/api/samples", get(api::samples))
         .route("/api/console", get(api::console).post(api::type_line))
         .route("/api/open", post(api::open))
+        .route("/api/open-visits", post(api::open_visits))
         .route("/api/upload", post(api::upload))
         .route("/api/command", post(api::command))
         .with_state(Arc::clone(&hub))

@@ -69,6 +69,7 @@ fn result() -> Markup {
             dl #facts .facts {}
             div.buttons {
                 button #set type="button" disabled data-needs-control data-ready="false" { "Set the arm to this word" }
+                button #add-visit type="button" disabled { "Add to the table" }
             }
         }
     }

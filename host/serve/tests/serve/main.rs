@@ -8,6 +8,7 @@ mod board;
 mod browser;
 mod console;
 mod diagnosis;
+mod editor;
 mod guests;
 mod history;
 mod hostile;

@@ -32,7 +32,11 @@ const PAGES: [[&str; 3]; 5] = [
         "/",
         "document.querySelector('#arm').dataset.measured !== 'null' && document.querySelectorAll('#outputs tr').length === 12",
     ],
-    ["program", "/program", "document.querySelectorAll('#timeline .span').length > 0"],
+    [
+        "program",
+        "/program",
+        "document.querySelectorAll('#timeline .span').length > 0 && !document.querySelector('#make-visits').disabled",
+    ],
     [
         "reach",
         "/reach",
@@ -70,6 +74,11 @@ fn screenshots_of_each_page() {
     let bench = Bench::start_with(wired, None, Some(PoseSource { name: "sim".into(), open: Box::new(open) }));
     let _time = RealTime::start(&bench.board);
     prepare(&bench);
+    browser.open(&format!("http://{}/program", bench.address()));
+    let visit = |word: &str| json!({"word": word, "servosDeg": [], "dwell": ""});
+    let visits = [WORD, "101000000000", "110100110100"].map(visit);
+    let draft = json!({"states": [{"visits": visits, "mayRest": false}], "at": 0}).to_string();
+    browser.value(&format!("sessionStorage.setItem('darm-draft', {})", json!(draft)));
     for [name, path, ready] in PAGES {
         for [width, height, small] in SIZES {
             browser.set_size(width, height);

@@ -1,0 +1,111 @@
+//! A person makes a table on the page, goes through it row by row, and plays it again and again.
+
+use serde_json::json;
+
+use super::board::{Bench, RealTime};
+use super::webdriver::Browser;
+
+/// Types into a field as a person who then leaves it.
+fn fill(browser: &Browser, selector: &str, text: &str) {
+    browser.value(&format!(
+        "(() => {{ const field = document.querySelector('{selector}'); field.value = '{text}'; \
+         field.dispatchEvent(new Event('input')); field.dispatchEvent(new Event('change')); }})()"
+    ));
+}
+
+fn words(browser: &Browser) -> serde_json::Value {
+    browser.value("[...document.querySelectorAll('#visits .word')].map((field) => field.value)")
+}
+
+#[test]
+fn visits_are_edited_undone_switched_on_the_time_line_and_stepped_through() {
+    let Some(browser) = Browser::start(1280) else { return };
+    let bench = Bench::start("planar4.toml");
+    let _time = RealTime::start(&bench.board);
+    bench.phase("idle");
+    browser.open(&format!("http://{}/program", bench.address()));
+    browser.wait("document.body.dataset.link === 'live' && !document.querySelector('#make-section').hidden");
+    browser.click("#add");
+    fill(&browser, "#visits tr:nth-child(1) .word", "000010000000");
+    browser.wait("!document.querySelector('#make-visits').disabled");
+    browser.click("#add");
+    fill(&browser, "#visits tr:nth-child(2) .word", "00001");
+    browser.wait("document.querySelector('#visits tr:nth-child(2)').classList.contains('refused')");
+    assert_eq!(browser.value("document.querySelector('#make-visits').disabled"), true);
+    browser.click("#undo");
+    browser.wait("!document.querySelector('#make-visits').disabled");
+    assert_eq!(words(&browser), json!(["000010000000", "000010000000"]));
+    browser.click("#redo");
+    assert_eq!(words(&browser), json!(["000010000000", "00001"]));
+    browser.click("#undo");
+    browser.wait("!document.querySelector('#make-visits').disabled");
+    // The second half of the time line is the second visit.
+    browser.value(
+        "(() => { const ground = document.querySelectorAll('#draft .ground')[11]; const box = ground.getBoundingClientRect(); \
+         ground.dispatchEvent(new MouseEvent('click', { clientX: box.left + 0.75 * box.width, clientY: box.top + 2, bubbles: true })); })()",
+    );
+    assert_eq!(words(&browser), json!(["000010000000", "000010000001"]));
+    // The draft stays with the tab.
+    browser.click("nav a[href=\"/history\"]");
+    browser.wait("location.pathname === '/history'");
+    browser.click("nav a[href=\"/program\"]");
+    browser.wait(
+        "document.querySelectorAll('#visits tr').length === 2 && !document.querySelector('#make-visits').disabled",
+    );
+    assert_eq!(words(&browser), json!(["000010000000", "000010000001"]));
+    browser.click("#make-visits");
+    browser.wait("document.querySelector('#origin-text').textContent.includes('2 visits')");
+    browser.click("#take");
+    browser.wait("document.body.hasAttribute('data-controls')");
+    browser.click("#upload");
+    browser.wait("document.querySelector('#table-note').textContent.includes('has this table')");
+    let row_word = |row: u64| bench.get("/api/program")["rows"][row as usize]["word"].clone();
+    for (button, row) in [("#step", 0), ("#step", 1), ("#step-back", 0)] {
+        browser.wait(&format!("!document.querySelector('{button}').disabled"));
+        browser.click(button);
+        let word = row_word(row);
+        bench.live(|live| live["board"]["phase"]["name"] == "manual" && live["board"]["word"] == word);
+    }
+}
+
+#[test]
+fn a_table_is_played_again_and_again_until_anybody_stops_it() {
+    let Some(browser) = Browser::start(1280) else { return };
+    let bench = Bench::start("planar4.toml");
+    let _time = RealTime::start(&bench.board);
+    bench.phase("idle");
+    assert_eq!(bench.open("short.darm", &bench.table(&["000010000000"], 0.2)).status, 200);
+    browser.open(&format!("http://{}/program", bench.address()));
+    browser.wait("document.body.dataset.link === 'live'");
+    browser.click("#take");
+    browser.wait("document.body.hasAttribute('data-controls')");
+    browser.click("#upload");
+    browser.wait("!document.querySelector('#play').disabled");
+    browser.click("#loop");
+    browser.click("#play");
+    let n_finished = |live: &serde_json::Value| {
+        live["events"].as_array().unwrap().iter().filter(|event| event["kind"] == "finished").count()
+    };
+    bench.live(|live| n_finished(live) >= 3);
+    assert_eq!(bench.stop().status, 200);
+    browser.wait("!document.querySelector('#loop').checked");
+    let before = n_finished(&bench.phase("idle"));
+    std::thread::sleep(std::time::Duration::from_millis(1500));
+    assert_eq!(n_finished(&bench.phase("idle")), before);
+}
+
+#[test]
+fn a_play_that_knows_of_fewer_stops_is_outdated() {
+    let bench = Bench::start("planar4.toml");
+    bench.phase("idle");
+    let page = bench.page_in_control();
+    let digest = page.upload(&bench.table(&["000010000000"], 0.3));
+    let stops = bench.get("/api/live")["stops"].clone();
+    let play = json!({"do": "play", "table": digest, "stops": stops});
+    assert_eq!(page.command(&play).status, 200);
+    assert_eq!(bench.stop().status, 200);
+    bench.phase("idle");
+    let refused = page.command(&play);
+    assert_eq!((refused.status, refused.json()["refused"]["kind"].as_str()), (409, Some("stopped")));
+    assert_eq!(bench.pins().0, 0);
+}
