@@ -4,7 +4,7 @@ use std::path::Path;
 
 use darm_arm::arm::{Arm, ArmScratch};
 use darm_core::effect::fitted_term::{FittedTerm, Variable};
-use darm_core::effect::{Condition, Effect, Frame, Place, Plate};
+use darm_core::effect::{Condition, Detail, Effect, Frame, Place, Plate};
 use darm_core::units::Word;
 use darm_generate::arm::module;
 use darm_generate::graph::Arguments;
@@ -96,6 +96,44 @@ fn every_effect_acts_as_in_the_core() {
         arm.model.effects = effects.into_iter().collect();
         let module = module(&arm).unwrap();
         assert!(apart(&arm, &module) < 2e-10, "{:?}: {}", arm.model.effects, apart(&arm, &module));
+    }
+}
+
+/// A law that comes later is here too: what its equation depends on has to be chosen by the word, or it is baked into a constant.
+#[test]
+fn each_law_at_each_of_its_places_acts_as_in_the_core() {
+    let mut arm = example("planar4-hybrid.toml");
+    let places =
+        [Place::Actuator(3), Place::Module(1), Place::Arm, Place::Base, Place::Tool, Place::Camera, Place::Servo(0)];
+    let details = [
+        Detail::All,
+        Detail::State(0),
+        Detail::State(1),
+        Detail::Anchor(Plate::Base),
+        Detail::Anchor(Plate::Top),
+        Detail::With(8),
+    ];
+    for law in Effect::<f64>::LAWS {
+        let made = places.iter().flat_map(|place| details.iter().filter_map(|detail| Effect::at(law, *place, *detail)));
+        let effects: Vec<Effect<f64>> = made.collect();
+        assert!(!effects.is_empty(), "{law}");
+        for mut effect in effects {
+            // A compliance of 1e-7 m/N, else millimetres and thousandths.
+            let size = if effect.bears_load() { 1e-7 } else { 1e-3 };
+            effect.values_mut().iter_mut().zip(1..).for_each(|(value, k)| *value = size * f64::from(k));
+            // An anchor stays in the plane of its platform.
+            if let Effect::AnchorOffset { offset: [.., z], .. } = &mut effect {
+                *z = 0.0;
+            }
+            if let Some(constant) = effect.constant_mut() {
+                *constant = 3.0;
+            }
+            arm.model.effects = [effect].into_iter().collect();
+            let module = module(&arm).unwrap_or_else(|error| panic!("{effect:?}: {error}"));
+            let apart = apart(&arm, &module);
+            // The core settles under load to 1e-8 m.
+            assert!(apart < if effect.bears_load() { 1e-6 } else { 2e-10 }, "{effect:?}: {apart}");
+        }
     }
 }
 
