@@ -68,7 +68,7 @@ pub fn of_source(source: &Source, selection: &Selection) -> Result<Robot, Descri
     }
     match Document::parse(source) {
         Ok(document) if document.root().tag() == "mujoco" => Ok(mjcf::of_source(source, selection)?),
-        _ => Ok(urdf::of_source(source, selection)?),
+        parsed => Ok(urdf::of_parsed(source, parsed, selection)?),
     }
 }
 
@@ -82,7 +82,7 @@ pub fn read_shapes<'a>(file: impl Into<FileRef<'a>>) -> Result<Vec<LinkShape>, D
     let source = Source::read::<urdf::UrdfFault>(&file)?;
     match Document::parse(&source) {
         Ok(document) if document.root().tag() == "mujoco" => Ok(mjcf::shapes_of(&source)?),
-        _ => Ok(urdf::shapes_of(&source)?),
+        parsed => Ok(urdf::shapes_of(&source, parsed)?),
     }
 }
 

@@ -108,10 +108,7 @@ struct State {
 
 impl Dynamics {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
-        let (subject, effects) = match self.subject.model()? {
-            Some((robot, effects)) => (Subject::Robot(Box::new(robot)), (!effects.known.is_empty()).then_some(effects)),
-            None => (self.subject.subject()?, None),
-        };
+        let (subject, effects) = self.subject.with_effects()?;
         if effects.is_some() && (self.torque.is_some() || self.forward) {
             let what =
                 "--torque and --forward: a model with effects supports inverse dynamics only; give --qd and --qdd";
@@ -128,9 +125,16 @@ impl Dynamics {
             self.complete(posture, &shown)?;
         }
         let base = self.base.motion(&robot)?;
+        let load = match self.wrench.external()? {
+            Some(wrench) => Some((frame_of(&robot, self.frame.as_deref())?, wrench)),
+            None => None,
+        };
         let mut states = postures
             .iter()
-            .map(|posture| self.state(&robot, &base, posture))
+            .map(|posture| {
+                let motion = Motion { state: [&posture.q, &posture.qd, &posture.qdd], load };
+                self.state(&robot, &base, &motion, &posture.torque)
+            })
             .collect::<anyhow::Result<Vec<State>>>()?;
         if let Some(effects) = &effects {
             add(effects, &robot, &postures, &mut states)?;
@@ -157,16 +161,17 @@ impl Dynamics {
         Ok(())
     }
 
-    fn state(&self, robot: &Robot, base: &BaseMotion<f64>, posture: &Posture) -> anyhow::Result<State> {
-        let load = match self.wrench.external()? {
-            Some(wrench) => Some((frame_of(robot, self.frame.as_deref())?, wrench)),
-            None => None,
-        };
-        let motion = Motion { state: [&posture.q, &posture.qd, &posture.qdd], load };
-        let equation = robot.dynamics_on(base, &motion)?;
+    fn state(
+        &self,
+        robot: &Robot,
+        base: &BaseMotion<f64>,
+        motion: &Motion<'_>,
+        torque: &[f64],
+    ) -> anyhow::Result<State> {
+        let equation = robot.dynamics_on(base, motion)?;
         let is_forward = self.torque.is_some() || self.forward;
-        let found = if is_forward { Some(accelerations(robot, base, &motion, &posture.torque)?) } else { None };
-        let links = if self.links { Some(links::rows(robot, base, &motion, found.as_ref())?) } else { None };
+        let found = if is_forward { Some(accelerations(robot, base, motion, torque)?) } else { None };
+        let links = if self.links { Some(links::rows(robot, base, motion, found.as_ref())?) } else { None };
         Ok(State { links, ..state(equation, found) })
     }
 }

@@ -7,7 +7,7 @@ use darm_core::tree::TreeError;
 use nalgebra::{DMatrix, DVector, Matrix6xX, SMatrix};
 
 use super::{Coupling, Robot, RobotFrame};
-use crate::tree::dynamics::MassMatrix;
+use crate::tree::dynamics::{CoriolisMatrix, MassMatrix};
 use crate::tree::spatial::{Motion as LinkMotion, halves, six};
 use crate::tree::{LinkTree, Links};
 
@@ -173,14 +173,15 @@ impl Robot {
             mass.joints[(k, k)] += rotor;
             torque[k] += rotor * qdd[k];
         }
+        let coriolis = tree.coriolis_matrix(links, &moving.velocity, &qd);
         let mut equation = Dynamics {
             torque: coupling.torques(&torque),
-            coriolis: coupling.square(&tree.coriolis_matrix(links, &moving.velocity, &qd).joints),
+            coriolis: coupling.square(&coriolis.joints),
             velocity_torque: biased.iter().zip(&gravity).map(|(biased, gravity)| biased - gravity).collect(),
             gravity,
             kinetic_j: mass.kinetic_energy(&moving.velocity, &qd),
             potential_j: tree.potential_energy(links, self.floating),
-            base: self.floating.then(|| placed.floating(&on_base, &mass, (&moving.velocity, &qd))),
+            base: self.floating.then(|| placed.floating(&on_base, &mass, &coriolis)),
             mass: coupling.square(&mass.joints),
         };
         if let Some(of_base) = &mut equation.base {
@@ -305,8 +306,8 @@ pub(super) struct Placed {
 }
 
 impl Placed {
-    /// What a floating base adds, from the wrench on it (about the world's origin) and velocities of base and joints.
-    fn floating(&self, on_base: &Vec6<f64>, mass: &MassMatrix, (velocity, qd): (&Vec6<f64>, &[f64])) -> FloatingBase {
+    /// What a floating base adds, from the wrench on it (about the world's origin) and the matrices of the tree.
+    fn floating(&self, on_base: &Vec6<f64>, mass: &MassMatrix, rates: &CoriolisMatrix) -> FloatingBase {
         let (screws, n) = (self.links.base_screws(), self.coupling.len());
         let (moment, force) = halves(&screws.tr_mul(on_base));
         let in_base = |columns: &Jacobian| {
@@ -318,7 +319,6 @@ impl Placed {
             let columns = self.coupling.columns(&in_base);
             DMatrix::from_iterator(6, n, columns.iter().copied())
         };
-        let rates = self.tree.coriolis_matrix(&self.links, velocity, qd);
         let mut coriolis = DMatrix::zeros(6 + n, 6 + n);
         coriolis.view_mut((0, 0), (6, 6)).copy_from(&(screws.tr_mul(&rates.base) * screws));
         coriolis.view_mut((0, 6), (6, n)).copy_from(&in_base(&rates.by_joints));

@@ -30,7 +30,7 @@ use std::path::Path;
 use crate::robot::Robot;
 use crate::shape::LinkShape;
 use crate::source::{Fault, FileError, Source};
-use crate::xml::{Attribute, Document};
+use crate::xml::{Attribute, Document, NotXml};
 
 pub use crate::assembly::{Locks, Selection};
 pub use fault::UrdfFault;
@@ -44,7 +44,7 @@ pub type UrdfError = FileError<UrdfFault>;
 ///
 /// The file cannot be read; or as [`parse`].
 pub fn read(path: &Path, locks: &Locks) -> Result<Robot, UrdfError> {
-    of_source(&Source::read(path)?, &locks.into())
+    of_source(&Source::read(path)?, locks)
 }
 
 /// The robot that `text` describes; `path` only serves messages.
@@ -54,7 +54,7 @@ pub fn read(path: &Path, locks: &Locks) -> Result<Robot, UrdfError> {
 /// The text is not XML of a URDF; its links and joints do not form one tree, a name or number cannot be, or something
 /// is missing; or `locks` names a joint that it does not have. The error names line and column.
 pub fn parse(path: &Path, text: &str, locks: &Locks) -> Result<Robot, UrdfError> {
-    of_source(&Source::of_text(path, text), &locks.into())
+    of_source(&Source::of_text(path, text), locks)
 }
 
 /// The shapes that collide in the URDF that `text` is; `path` serves messages, and its folder the files of meshes.
@@ -64,25 +64,34 @@ pub fn parse(path: &Path, text: &str, locks: &Locks) -> Result<Robot, UrdfError>
 /// The text is not XML of a URDF, the file of a mesh cannot be read, or a shape is missing or has a size that is not
 /// above 0.
 pub fn parse_shapes(path: &Path, text: &str) -> Result<Vec<LinkShape>, UrdfError> {
-    shapes_of(&Source::of_text(path, text))
+    let source = Source::of_text(path, text);
+    shapes_of(&source, Document::parse(&source))
 }
 
 /// The shapes that collide in what was read already.
-pub(crate) fn shapes_of(source: &Source) -> Result<Vec<LinkShape>, UrdfError> {
-    collision::shapes(document(source)?.root(), source).map_err(|(span, fault)| source.wrong(span, fault))
+pub(crate) fn shapes_of(source: &Source, parsed: Result<Document, NotXml>) -> Result<Vec<LinkShape>, UrdfError> {
+    collision::shapes(document(source, parsed)?.root(), source).map_err(|(span, fault)| source.wrong(span, fault))
 }
 
-/// The robot of what was read already.
-pub(crate) fn of_source(source: &Source, selection: &Selection) -> Result<Robot, UrdfError> {
-    let document = document(source)?;
+fn of_source(source: &Source, locks: &Locks) -> Result<Robot, UrdfError> {
+    of_parsed(source, Document::parse(source), &locks.into())
+}
+
+/// The robot of what was read and parsed already.
+pub(crate) fn of_parsed(
+    source: &Source,
+    parsed: Result<Document, NotXml>,
+    selection: &Selection,
+) -> Result<Robot, UrdfError> {
+    let document = document(source, parsed)?;
     let mut robot = build::robot(document.root(), selection).map_err(|(span, fault)| source.wrong(span, fault))?;
     robot.ignored = attributes::unread(document.root(), source);
     Ok(robot)
 }
 
-fn document(source: &Source) -> Result<Document, UrdfError> {
-    let document =
-        Document::parse(source).map_err(|wrong| source.error(Some(wrong.span), Fault::Syntax(wrong.reason)))?;
+/// The elements, unless they have to be expanded by `xacro` first.
+fn document(source: &Source, parsed: Result<Document, NotXml>) -> Result<Document, UrdfError> {
+    let document = parsed.map_err(|wrong| source.error(Some(wrong.span), Fault::Syntax(wrong.reason)))?;
     // The prefix of the namespace is up to the file.
     let is_declared = |prefix: &str| {
         let declares =

@@ -113,11 +113,11 @@ pub(crate) struct Effects {
 }
 
 impl SubjectArgs {
-    /// The robot and the effects of a model of torques, as `darm diagnose` uses it; `None` for other files.
-    pub(crate) fn model(&self) -> anyhow::Result<Option<(Robot, Effects)>> {
+    /// Reads the file; of a model of torques, as `darm diagnose` uses it, with its effects.
+    pub(crate) fn with_effects(&self) -> anyhow::Result<(Subject, Option<Effects>)> {
         let source = Source::read::<String>(&self.file)?;
         if source.kind() != ModelKind::Experiment {
-            return Ok(None);
+            return Ok((self.subject_of(&source)?, None));
         }
         let (model, _) = self.part().model_of(&source)?;
         let Predictor::Torque(robot, transmission) = model.what else {
@@ -133,7 +133,8 @@ impl SubjectArgs {
         if self.floating {
             return Err(Usage("--floating needs a URDF or MJCF".into()).into());
         }
-        Ok(Some((robot, Effects { transmission, known: model.effects })))
+        let effects = Effects { transmission, known: model.effects };
+        Ok((Subject::Robot(Box::new(robot)), Some(effects).filter(|effects| !effects.known.is_empty())))
     }
 
     fn part(&self) -> Part<'_> {
@@ -142,15 +143,18 @@ impl SubjectArgs {
 
     /// Reads the file.
     pub(crate) fn subject(&self) -> anyhow::Result<Subject> {
-        let source = Source::read::<String>(&self.file)?;
+        self.subject_of(&Source::read::<String>(&self.file)?)
+    }
+
+    fn subject_of(&self, source: &Source) -> anyhow::Result<Subject> {
         let robot = match source.kind() {
-            ModelKind::Robot => self.part().robot_of(&source)?,
-            ModelKind::Experiment => calibrated::robot(&source, self.part())?,
+            ModelKind::Robot => self.part().robot_of(source)?,
+            ModelKind::Experiment => calibrated::robot(source, self.part())?,
             ModelKind::Arm => {
                 if self.floating || !self.locks.is_empty() || self.root.is_some() {
                     return Err(Usage("--floating, --lock and --root need a URDF or MJCF".into()).into());
                 }
-                return Ok(Subject::Arm(Box::new(Arm::of_source(&source)?)));
+                return Ok(Subject::Arm(Box::new(Arm::of_source(source)?)));
             }
         };
         Ok(Subject::Robot(Box::new(Robot { floating: robot.floating || self.floating, ..robot })))
