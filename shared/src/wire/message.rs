@@ -108,10 +108,42 @@ pub enum Request<'a> {
     },
 }
 
+/// What a request does to the board, and so what becomes of one that comes again because its answer was lost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Doing {
+    /// Nothing: it is answered as often as it comes.
+    Reads,
+    /// Brings a piece of an image, the same however often it comes.
+    Uploads,
+    /// Puts an image in force: once on a connection, and on another one again without a change.
+    Commits,
+    /// Moves or stores something: once, and never again on another connection.
+    Acts,
+}
+
 impl Request<'_> {
+    /// What it does. Each request is listed: one that comes later has to say whether it may act twice.
+    pub const fn doing(&self) -> Doing {
+        match self {
+            Self::Hello { .. }
+            | Self::Status
+            | Self::Events { .. }
+            | Self::Calibration
+            | Self::Nearest(_)
+            | Self::Outputs { .. }
+            | Self::Health
+            | Self::PastEvents { .. }
+            | Self::PastCrash { .. }
+            | Self::Inputs { .. } => Doing::Reads,
+            Self::Begin(_) | Self::Chunk { .. } => Doing::Uploads,
+            Self::Commit(_) => Doing::Commits,
+            Self::Command(_) | Self::Calibrate(_) => Doing::Acts,
+        }
+    }
+
     /// True of requests that may run as often as they come.
     pub const fn is_repeatable(&self) -> bool {
-        !matches!(self, Self::Commit(_) | Self::Command(_) | Self::Calibrate(_))
+        matches!(self.doing(), Doing::Reads | Doing::Uploads)
     }
 }
 
@@ -127,7 +159,7 @@ pub fn hello_protocol(payload: &[u8]) -> Option<u16> {
 pub const MAX_STOP: usize = 10;
 
 /// Whether the payload of a request means `Command(Stop)`: exactly where postcard would decode it so, however its two indices are
-/// written. The board looks for it before anything is decoded, whatever the link and the number.
+/// written. The board looks for it in the bytes of the port, before any queue, whatever the link and the number.
 pub fn is_stop(payload: &[u8]) -> bool {
     matches!(postcard::take_from_bytes::<(u32, u32)>(payload), Ok(((6, 1), [])))
 }

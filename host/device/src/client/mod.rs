@@ -35,7 +35,7 @@ use darm_core::sequencer::{Command, Event};
 use darm_core::units::Micros;
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{self, CrashRecord, Identity, RebootTarget, Stopped, Version};
-use darm_core::wire::message::{Calibration, Hello, OutputState, Refusal, Reply, Request, Status};
+use darm_core::wire::message::{Calibration, Doing, Hello, OutputState, Refusal, Reply, Status};
 
 use crate::clock::{BoardClock, RoundTrip, host_now_s};
 use crate::link::{Link, LinkError};
@@ -416,14 +416,16 @@ impl Client {
     fn ask_anyhow<T>(&mut self, question: &Question<'_, T>) -> Result<T, ClientError> {
         let exchanged = {
             let mut exchange = self.exchange();
-            if question::is_change(&question.request) {
+            if question.request.doing() != Doing::Reads {
                 exchange.check_known(self.connection).map_err(ClientError::Refused)?;
             }
             exchange.ask(&question.request)
         };
         let Exchanged { arrival, sent_s, attempts } = exchanged?;
         match self.read(question, &arrival, sent_s) {
-            Err(ClientError::Refused(Refusal::NotConnected)) if attempts > 1 && acts_once(&question.request) => {
+            Err(ClientError::Refused(Refusal::NotConnected))
+                if attempts > 1 && question.request.doing() == Doing::Acts =>
+            {
                 Err(TransportError::OutcomeUnknown { port: self.port.clone(), request: question.name }.into())
             }
             end => end,
@@ -462,11 +464,6 @@ impl Drop for Client {
             exchange.replace_link(Box::new(Unplugged(self.port.clone())));
         }
     }
-}
-
-/// Whether a request must not be repeated on a new connection. An upload is: a repeated `Commit` changes nothing.
-fn acts_once(request: &Request<'_>) -> bool {
-    !request.is_repeatable() && !matches!(request, Request::Commit(_))
 }
 
 /// No port.

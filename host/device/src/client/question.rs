@@ -30,27 +30,6 @@ impl<T> Question<'_, T> {
     }
 }
 
-/// Whether a request changes something on the board, or may.
-pub(super) fn is_change(request: &Request<'_>) -> bool {
-    match request {
-        Request::Hello { .. }
-        | Request::Status
-        | Request::Events { .. }
-        | Request::Calibration
-        | Request::Nearest(_)
-        | Request::Outputs { .. }
-        | Request::Health
-        | Request::PastEvents { .. }
-        | Request::PastCrash { .. }
-        | Request::Inputs { .. } => false,
-        Request::Begin(_)
-        | Request::Chunk { .. }
-        | Request::Commit(_)
-        | Request::Command(_)
-        | Request::Calibrate(_) => true,
-    }
-}
-
 macro_rules! questions {
     ($($name:ident($($argument:ident: $kind:ty),*) $text:literal -> $type:ty: $request:expr, $($answer:pat => $value:expr),+;)*) => {$(
         pub(super) fn $name<'a>($($argument: $kind),*) -> Question<'a, $type> {

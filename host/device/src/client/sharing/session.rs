@@ -16,12 +16,12 @@ use darm_core::sequencer::Phase;
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{ANSWER, Request as Bootstrap, Servos, Stopped};
 use darm_core::wire::frame::{Header, MAX_PAYLOAD};
-use darm_core::wire::message::{self, Answer, REPLY, REQUEST, Refusal, Reply, Request};
+use darm_core::wire::message::{self, Answer, Doing, REPLY, REQUEST, Refusal, Reply, Request};
 
 use super::line_kind::{LONGEST, LineKind};
 use super::{Guest, Sharing};
 use crate::client::exchange::{COMMAND_PATIENCE_S, DENIED, Exchange, Known, encode, overtaken, refusal};
-use crate::client::question::{self, is_change};
+use crate::client::question;
 use crate::client::reader::{Piece, Reader};
 use crate::client::stop::socket::HOLDER_WORK;
 use crate::client::stop::{Confirmation, StopHandle, lock};
@@ -345,7 +345,7 @@ impl Worker {
             Ok(request) => request,
             Err(_) => return refused(Refusal::Unknown),
         };
-        let changes = is_change(&request);
+        let changes = request.doing() != Doing::Reads;
         let hello = self.hello.filter(|(link, _)| *link == header.link);
         let ask = |line: &mut Exchange| {
             let now = line.known();
