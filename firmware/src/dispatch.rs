@@ -367,9 +367,9 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
     async fn run(&mut self, request: Request<'_>) -> Result<Answer, Refusal> {
         match request {
             // A command may have been requested before a stop and come, or come again, after it.
-            Request::Command(_) if self.is_stopped() => Err(Refusal::Command(CommandError::Stopped)),
-            // A start that could not be counted has the challenges of another one: a copy of an earlier `Hello` may have opened this
-            // connection. It asks, and writes a profile where a person holds the button.
+            Request::Command(_) if self.connection_has_ended() => Err(Refusal::Command(CommandError::Stopped)),
+            // A start that could not be counted has the challenges of an earlier start, so a late copy of a `Hello` from then may have opened
+            // this connection: it may read, and nothing else but write a profile, for which a person holds the button.
             Request::Command(_)
             | Request::Calibrate(_)
             | Request::Begin(Image { kind: ImageKind::Table, .. })
@@ -399,7 +399,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
     }
 
     /// Whether somebody has stopped the arm since the connection was opened.
-    fn is_stopped(&self) -> bool {
+    fn connection_has_ended(&self) -> bool {
         self.link_stops != self.shared.stops()
     }
 
@@ -415,7 +415,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
     }
 
     /// Waits until the servos that a stop, or a start, is to hold have their orders.
-    async fn stopped(&self) -> Result<Snapshot, Refusal> {
+    async fn wait_until_held(&self) -> Result<Snapshot, Refusal> {
         let mut now = self.snapshot().await?;
         while now.is_stopping {
             self.clock.wait_until(self.clock.now() + CYCLE).await;
@@ -426,7 +426,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
 
     /// Nothing runs and no servo moves: while a flash is written or the board restarts nobody looks after a servo.
     async fn require_idle(&self) -> Result<(), Refusal> {
-        let now = self.stopped().await?;
+        let now = self.wait_until_held().await?;
         match now.phase {
             Phase::Idle | Phase::Safe(_) if now.is_moving => Err(Refusal::Busy),
             Phase::Idle | Phase::Safe(_) => Ok(()),

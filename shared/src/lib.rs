@@ -14,7 +14,7 @@
 //! | [`ik`]        | joint positions that bring a tool to a pose                                               |
 //! | [`nearest`]   | frame look-ups of modules, a beam search for a near word in bounded memory                |
 //! | [`odometry`]  | differential drive: from wheel encoders to a pose and its covariance                      |
-//! | [`effect`]    | the physical effects that move an arm off its ideal geometry, one law per file            |
+//! | [`effect`]    | the physical effects that move an arm off its ideal geometry: their names, values, equations |
 //! | [`model`]     | geometry, masses and effects under one number: where the tool is under given conditions   |
 //! | [`units`]     | what travels or is easily swapped: time, words, identities                                |
 //! | [`output`]    | how coils, switches and servos are wired, and the limits that no sender can exceed         |

@@ -24,7 +24,7 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
     pub(super) async fn calibrate(&mut self, calibration: Calibration) -> Result<Answer, Refusal> {
         self.require_idle().await?;
         // It may have waited for servos to hold.
-        if self.is_stopped() {
+        if self.connection_has_ended() {
             return Err(Refusal::Command(CommandError::Stopped));
         }
         // What is stored already wears no flash.
