@@ -1,9 +1,10 @@
 //! Sets of effects that rows do not distinguish: whether their members are alike anywhere, or in the rows.
 
-use anyhow::Result;
+use anyhow::{Context as _, Result};
 use darm_diagnose::effect::{Law, Place, Site};
 use darm_diagnose::outcome::{Alternative, Diagnosis};
 use darm_measure::root_mean_square;
+use darm_robot::svd::svd;
 use nalgebra::{DMatrix, DVector};
 
 use super::judge::Named;
@@ -93,7 +94,7 @@ fn are_near(bench: &Bench, added: &Added, members: &[&Alternative], kept: &[bool
         let columns = DMatrix::from_columns(&[own, others.clone()].concat());
         let scale = scales(&columns);
         let columns = scaled(columns, &scale);
-        let values = columns.clone().svd(true, true).solve(&wanted, MIN_SHARE).map_err(anyhow::Error::msg)?;
+        let values = solved(&columns, &wanted)?;
         if (&wanted - columns * values).norm() > DISTINCT {
             return Ok(false);
         }
@@ -132,6 +133,11 @@ fn alike(bench: &Bench, added: &Added, members: &[&Alternative]) -> Result<bool>
 }
 
 /// What a law, fitted to the run, adds elsewhere, in units of the noise.
+fn solved(columns: &DMatrix<f64>, wanted: &DVector<f64>) -> Result<DVector<f64>> {
+    let parts = svd(columns).context("the columns have no singular values")?;
+    parts.solve(wanted, MIN_SHARE).map_err(anyhow::Error::msg)
+}
+
 fn predicted(bench: &Bench, other: &Alternative, wanted: &DVector<f64>) -> Result<Option<DVector<f64>>> {
     let Some(elsewhere) = &bench.elsewhere else { return Ok(None) };
     let columns = |is_elsewhere| elsewhere.columns(other.law, &other.site, is_elsewhere);
@@ -140,7 +146,7 @@ fn predicted(bench: &Bench, other: &Alternative, wanted: &DVector<f64>) -> Resul
     };
     let here = in_noise(here, bench, &bench.spoiled);
     let scale = scales(&here);
-    let values = scaled(here, &scale).svd(true, true).solve(wanted, MIN_SHARE).map_err(anyhow::Error::msg)?;
+    let values = solved(&scaled(here, &scale), wanted)?;
     Ok(Some(scaled(in_noise(there, bench, &[]), &scale) * values))
 }
 

@@ -13,6 +13,7 @@ pub mod rigid_body;
 pub mod robot;
 pub mod shape;
 pub mod source;
+pub mod svd;
 #[cfg(test)]
 mod testing;
 pub mod tree;

@@ -10,6 +10,7 @@ use super::SynthesisError;
 use super::case::RANK_TOLERANCE;
 use super::problem::{Bound, Problem};
 use darm_core::se::Pose;
+use darm_robot::svd::svd;
 
 /// Steps from one start to one set of frames.
 const MAX_STEPS: u32 = 60;
@@ -277,11 +278,14 @@ impl Face {
             shortfall[row] = -bound.slack(unknowns);
             bound.terms.iter().for_each(|&(index, factor)| rows[(row, index)] = factor / weights[index]);
         }
-        let svd = rows.svd(true, true);
-        let tolerance = RANK_TOLERANCE * svd.singular_values.max();
-        let free: Vec<usize> = (0..n).filter(|&k| svd.singular_values[k] <= tolerance).collect();
-        let free = svd.v_t.as_ref().map(|v_t| v_t.select_rows(&free).transpose());
-        let onto = svd.solve(&shortfall, tolerance).unwrap_or_else(|_| DVector::zeros(n));
+        let Some(parts) = svd(&rows) else {
+            // Nothing is free: no step.
+            return Self { free: Some(DMatrix::zeros(n, 0)), onto: DVector::zeros(n) };
+        };
+        let tolerance = RANK_TOLERANCE * parts.singular_values.max();
+        let free: Vec<usize> = (0..n).filter(|&k| parts.singular_values[k] <= tolerance).collect();
+        let free = parts.v_t.as_ref().map(|v_t| v_t.select_rows(&free).transpose());
+        let onto = parts.solve(&shortfall, tolerance).unwrap_or_else(|_| DVector::zeros(n));
         Self { free, onto }
     }
 }
@@ -309,8 +313,7 @@ fn smallest_step(
     &face.onto + face.free.as_ref().map_or(step.clone(), |free| free * &step)
 }
 
-/// The smallest x that makes |matrix · x − right|² + damping²·|matrix|²·|x|² least; 0 where a number has overflowed, for which
-/// a singular value decomposition would not end.
+/// The smallest x that makes |matrix · x − right|² + damping²·|matrix|²·|x|² least; 0 where a number has overflowed.
 pub(super) fn damped_inverse(matrix: &DMatrix<f64>, right: &DVector<f64>, damping: f64) -> DVector<f64> {
     let floor = damping * matrix.norm();
     if !(floor.is_finite() && matrix.norm().is_finite() && right.norm().is_finite()) {
@@ -336,11 +339,13 @@ fn truncated_inverse(matrix: &DMatrix<f64>, right: &DVector<f64>, floor: f64) ->
     if matrix.ncols() == 0 {
         return DVector::zeros(0);
     }
-    let svd = matrix.clone().svd(true, true);
-    let (Some(u), Some(v_t)) = (&svd.u, &svd.v_t) else { return DVector::zeros(matrix.ncols()) };
-    let threshold = RANK_TOLERANCE * svd.singular_values.max();
+    let parts = svd(matrix);
+    let Some((Some(u), Some(v_t), values)) = parts.map(|parts| (parts.u, parts.v_t, parts.singular_values)) else {
+        return DVector::zeros(matrix.ncols());
+    };
+    let threshold = RANK_TOLERANCE * values.max();
     let mut along = u.tr_mul(right);
-    for (component, &value) in along.iter_mut().zip(svd.singular_values.iter()) {
+    for (component, &value) in along.iter_mut().zip(values.iter()) {
         *component *= if value > threshold { value / (value * value + floor * floor) } else { 0.0 };
     }
     v_t.tr_mul(&along)

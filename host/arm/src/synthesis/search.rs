@@ -3,7 +3,8 @@
 //! From the base-line: Gauss–Newton on the stops, then the same along the way from its own frames to the desired ones. From
 //! there and from every other start with the platforms' poses as unknowns (see [`lift`](super::lift)), where Gauss–Newton
 //! ends at a singular platform. Late starts are for frames that tight bounds leave few geometries for: they take the
-//! platforms' poses only, which then is ten times as fast as all, every other one with the plates of the base-line shifted.
+//! platforms' poses only, which then is ten times as fast as all, every other one with the plates of the base-line shifted. Where these met the
+//! frames, and always left some word without a pose, wide starts follow, from arms that have little in common with the base-line.
 
 use nalgebra::DVector;
 use rand::SeedableRng;
@@ -20,6 +21,10 @@ use super::{Found, Options, SynthesisError};
 const PLAIN_STEPS: u32 = 50;
 /// Standard deviations of the other starts in turn, as a share of the lengths and as angles of joints, rad.
 const SCATTER: [(f64, f64); 4] = [(0.05, 0.2), (0.1, 0.5), (0.2, 1.0), (0.05, 2.0)];
+/// The same of starts beyond the requested number.
+const WIDE: [(f64, f64); 3] = [(0.2, 0.5), (0.4, 1.0), (0.6, 2.0)];
+/// All starts, in requested ones. One frame set of 128 needed 212 wide starts behind 256 others; each takes about a millisecond.
+const WIDE_SHARE: u32 = 4;
 /// Starts after which those of platforms are late.
 const EARLY: u32 = 16;
 /// Solutions without a pose for some word that are tried for less.
@@ -35,9 +40,13 @@ pub(super) fn solve(problem: &mut Problem, options: &Options) -> Result<Found, S
     let (mut ends, mut incomplete, mut tried) = (Vec::new(), Vec::new(), Vec::new());
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     let mut starts = 0;
-    while starts < options.starts.max(1) {
+    let enough = options.starts.max(1);
+    // Frames that are met in arms of which some word has no pose: other arms may have all, farther away.
+    while starts < enough || !incomplete.is_empty() && starts < WIDE_SHARE * enough {
+        let is_wide = starts >= enough;
         let start = match starts {
             0 => base_line.clone(),
+            n if is_wide => scattered(search.problem, &base_line, WIDE[n as usize % WIDE.len()], &mut rng),
             n => scattered(search.problem, &base_line, SCATTER[n as usize % SCATTER.len()], &mut rng),
         };
         starts += 1;
@@ -45,7 +54,7 @@ pub(super) fn solve(problem: &mut Problem, options: &Options) -> Result<Found, S
             tried.push(start.clone());
         }
         options.handle.count();
-        if platforms && starts > EARLY {
+        if platforms && starts > EARLY && !is_wide {
             let shift = SHIFT[(starts / 2) as usize % SHIFT.len()];
             let late = match starts % 2 {
                 0 => Start { unknowns: &start, shift: None },
@@ -57,6 +66,7 @@ pub(super) fn solve(problem: &mut Problem, options: &Options) -> Result<Found, S
             (1, true) => &[descend, follow, lift],
             (1, false) => &[descend, follow],
             (..=EARLY, true) => &[descend, lift],
+            (_, true) if is_wide => &[descend, lift],
             (_, true) => &[],
             (_, false) => &[descend],
         };

@@ -16,7 +16,8 @@
 
 use darm_core::real::Vec3;
 use darm_core::se::Pose;
-use nalgebra::{SMatrix, SVector};
+use darm_robot::svd::svd;
+use nalgebra::{DMatrix, SMatrix, SVector};
 
 use super::contact::Contacts;
 use super::hand::{Axis, Hand, Placed};
@@ -106,12 +107,7 @@ pub fn smallest_step(jacobian: &Jacobian, rows: &Rows) -> Step {
     {
         return jacobian.tr_mul(&factor.solve(rows));
     }
-    if !gram.trace().is_finite() {
-        // The decomposition would not end.
-        return Step::zeros();
-    }
-    let svd = jacobian.svd(true, true);
-    let cut = TRUNCATED * svd.singular_values.max();
-    // It has both sides of the decomposition, which is all that could be missing.
-    svd.solve(rows, cut).unwrap_or_else(|_| Step::zeros())
+    let parts = svd(&DMatrix::from_iterator(jacobian.nrows(), jacobian.ncols(), jacobian.iter().copied()));
+    let step = parts.and_then(|parts| parts.solve(rows, TRUNCATED * parts.singular_values.max()).ok());
+    step.map_or_else(Step::zeros, |step| Step::from_iterator(step.iter().copied()))
 }

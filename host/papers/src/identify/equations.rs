@@ -10,6 +10,7 @@ use darm_robot::rigid_body::inertia::prior_deviations;
 use darm_robot::rigid_body::regressor::{BodyMotion, WrenchRegressor, joint_regressor, link_motions, wrench_regressor};
 use darm_robot::robot::Robot;
 use darm_robot::robot::base_parameters::{BaseParameters, Inertial, grouped};
+use darm_robot::svd::svd;
 
 /// Below this share of the largest singular value a direction of the parameters is not identified.
 const IDENTIFIED: f64 = 1e-8;
@@ -174,12 +175,13 @@ impl Equations {
         for (mut column, prior) in columns.column_iter_mut().zip(&self.prior) {
             column *= *prior;
         }
-        let svd = columns.svd(false, true);
-        let largest = svd.singular_values.max();
-        let identified: Vec<usize> =
-            (0..svd.singular_values.len()).filter(|&k| svd.singular_values[k] > IDENTIFIED * largest).collect();
-        let turned = svd.v_t.map_or_else(|| DMatrix::zeros(self.unknowns.len(), 0), |v_t| v_t.transpose());
-        (identified.len(), turned.select_columns(&identified))
+        let none = || (0, DMatrix::zeros(self.unknowns.len(), 0));
+        let Some((values, Some(v_t))) = svd(&columns).map(|parts| (parts.singular_values, parts.v_t)) else {
+            return none();
+        };
+        let largest = values.max();
+        let identified: Vec<usize> = (0..values.len()).filter(|&k| values[k] > IDENTIFIED * largest).collect();
+        (identified.len(), v_t.transpose().select_columns(&identified))
     }
 
     /// Which sums of inertial parameters the rows determine.

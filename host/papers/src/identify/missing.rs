@@ -15,6 +15,7 @@ use super::equations::Equations;
 use super::hold_out::rms_cop;
 use super::{Unknown, bodies, body_name};
 use darm_robot::robot::Robot;
+use darm_robot::svd::svd;
 
 /// Chance of naming a mass that is not there, for all links together.
 const FALSE: f64 = 1e-3;
@@ -129,10 +130,13 @@ pub fn separable(robot: &Robot, equations: &Equations) -> Vec<Option<usize>> {
 
 /// Orthonormal directions of the columns.
 fn directions(columns: &DMatrix<f64>) -> DMatrix<f64> {
-    let svd = columns.clone().svd(true, false);
-    let floor = NOTHING * svd.singular_values.max();
-    let kept: Vec<usize> = (0..svd.singular_values.len()).filter(|&k| svd.singular_values[k] > floor).collect();
-    svd.u.map_or_else(|| DMatrix::zeros(columns.nrows(), 0), |u| u.select_columns(&kept))
+    let parts = svd(columns);
+    let directions = parts.and_then(|parts| {
+        let floor = NOTHING * parts.singular_values.max();
+        let kept: Vec<usize> = (0..parts.singular_values.len()).filter(|&k| parts.singular_values[k] > floor).collect();
+        Some(parts.u?.select_columns(&kept))
+    });
+    directions.unwrap_or_else(|| DMatrix::zeros(columns.nrows(), 0))
 }
 
 fn indices(equations: &Equations, links: &[Option<usize>]) -> Vec<usize> {
@@ -160,13 +164,13 @@ impl Search {
         if free.is_empty() {
             return Fitted { change: DVector::zeros(self.columns.ncols()), covariance: DMatrix::zeros(0, 0) };
         }
-        let svd = self.columns.select_columns(free).svd(true, true);
-        let floor = NOTHING * svd.singular_values.max();
         let mut change = DVector::zeros(self.columns.ncols());
         let mut covariance = DMatrix::zeros(free.len(), free.len());
-        if let (Ok(values), Some(v_t)) = (svd.solve(&self.residual, floor), &svd.v_t) {
+        let Some(parts) = svd(&self.columns.select_columns(free)) else { return Fitted { change, covariance } };
+        let floor = NOTHING * parts.singular_values.max();
+        if let (Ok(values), Some(v_t)) = (parts.solve(&self.residual, floor), &parts.v_t) {
             free.iter().zip(&values).for_each(|(&k, value)| change[k] = *value);
-            for (size, row) in svd.singular_values.iter().zip(v_t.row_iter()).filter(|(size, _)| **size > floor) {
+            for (size, row) in parts.singular_values.iter().zip(v_t.row_iter()).filter(|(size, _)| **size > floor) {
                 covariance += row.transpose() * row / (size * size);
             }
         }

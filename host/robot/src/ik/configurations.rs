@@ -9,6 +9,7 @@
 //! those a sample is reported: again and again the posture farthest from all that were chosen before.
 
 use darm_core::ik::{Options, Status};
+use nalgebra::DMatrix;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
@@ -16,6 +17,7 @@ use serde::Serialize;
 use super::arm::{Problem, Variable};
 use super::nearest;
 use super::step::scaled;
+use crate::svd::svd;
 
 /// Postures closer than this in every joint are one, rad or m.
 pub const SAME: f64 = 1e-3;
@@ -126,7 +128,10 @@ fn rank(problem: Problem<'_>, x: &[f64]) -> usize {
     if jacobian.is_empty() {
         return 0;
     }
-    let values = jacobian.singular_values();
+    let Some(parts) = svd(&DMatrix::from_iterator(jacobian.nrows(), jacobian.ncols(), jacobian.iter().copied())) else {
+        return 0;
+    };
+    let values = parts.singular_values;
     values.iter().filter(|value| **value > RANK * values.max()).count()
 }
 

@@ -6,6 +6,8 @@ use darm_core::real::Vec6;
 use darm_core::se::Twist;
 use nalgebra::{DMatrix, Matrix6, Matrix6xX};
 
+use crate::svd::svd;
+
 /// Singular values below this part of the largest are rounding.
 const RANK: f64 = 64.0 * f64::EPSILON;
 
@@ -40,9 +42,9 @@ pub(super) fn pseudo_inverse(jacobian: &Matrix6xX<f64>, error: &Vec6<f64>) -> Ve
     if jacobian.is_empty() {
         return Vec::new();
     }
-    let parts = DMatrix::from_iterator(6, jacobian.ncols(), jacobian.iter().copied()).svd(true, true);
-    let floor = RANK * parts.singular_values.max();
-    parts.solve(error, floor).map_or(vec![0.0; jacobian.ncols()], |step| step.iter().copied().collect())
+    let parts = svd(&DMatrix::from_iterator(6, jacobian.ncols(), jacobian.iter().copied()));
+    let step = parts.and_then(|parts| parts.solve(error, RANK * parts.singular_values.max()).ok());
+    step.map_or_else(|| vec![0.0; jacobian.ncols()], |step| step.iter().copied().collect())
 }
 
 /// α Jᵀ ε with the α that leaves least of the error.

@@ -5,6 +5,7 @@ use darm_core::se::Twist;
 use nalgebra::{DMatrix, DVector};
 
 use super::state::Kinematics;
+use crate::svd::svd;
 
 /// A singular value below this share of the largest counts as zero.
 const MIN_SHARE: f64 = 1e-9;
@@ -56,7 +57,8 @@ impl Kinematics {
         let rows = self.jacobian_base.rows(first, task.rows());
         let jacobian = DMatrix::from_iterator(task.rows(), n, rows.iter().copied());
         let wanted = DVector::from_iterator(task.rows(), twist.to_vector().iter().skip(first).copied());
-        let parts = jacobian.svd(true, true);
+        let still = || Rates { residual: missed(&vec![0.0; n]), qd: vec![0.0; n], rank: 0 };
+        let Some(parts) = svd(&jacobian) else { return still() };
         let tolerance = MIN_SHARE * parts.singular_values.max();
         let rank = parts.singular_values.iter().filter(|value| **value > tolerance).count();
         let (u, v) = parts.u.zip(parts.v_t).expect("both were requested");

@@ -328,7 +328,7 @@ fn one_of_several_trees_is_read_by_its_root() {
     let source = Source::of_text(Path::new("r.urdf"), text);
     let rooted = |root: Option<&str>| {
         let selection = Selection { root: root.map(str::to_owned), ..Selection::default() };
-        of_source(&source, &selection).map_err(|error| error.to_string())
+        of_parsed(&source, Document::parse(&source), &selection).map_err(|error| error.to_string())
     };
     let names: Vec<String> = rooted(Some("b")).unwrap().frames.into_iter().map(|frame| frame.name).collect();
     assert_eq!(names, ["b", "c"]);

@@ -2,7 +2,7 @@
 
 use darm_core::real::Vec3;
 use darm_core::se::Pose;
-use nalgebra::{DMatrix, DVector, Matrix3};
+use nalgebra::{DMatrix, DVector, Matrix3, SVD};
 
 use super::SPREAD;
 use super::groups::Groups;
@@ -11,6 +11,7 @@ use crate::motion::placed::Placed;
 use crate::motion::trajectory::{Problem, Trajectory, TrajectoryError, solve};
 use crate::motion::{BodyPoint, Posture};
 use darm_robot::robot::Robot;
+use darm_robot::svd::svd;
 
 /// Markers on skin are this good, m.
 const MARKER_M: f64 = 0.01;
@@ -173,10 +174,11 @@ impl Average<'_> {
             let mut jacobian = DMatrix::zeros(here.len(), 6 + posture.q.len());
             moves.iter().enumerate().for_each(|(k, rows)| jacobian.rows_mut(3 * k, 3).copy_from(rows));
             // What base and angles can follow is no matter of lengths.
-            let svd = jacobian.svd(true, false);
-            let followed =
-                (0..svd.singular_values.len()).filter(|&k| svd.singular_values[k] > 1e-3).collect::<Vec<_>>();
-            let axes = svd.u.map(|u| u.select_columns(&followed)).unwrap_or_else(|| DMatrix::zeros(here.len(), 0));
+            let axes = svd(&jacobian).and_then(|SVD { u, singular_values, .. }| {
+                let followed = (0..singular_values.len()).filter(|&k| singular_values[k] > 1e-3).collect::<Vec<_>>();
+                Some(u?.select_columns(&followed))
+            });
+            let axes = axes.unwrap_or_else(|| DMatrix::zeros(here.len(), 0));
             let rest = |m: &DMatrix<f64>| m - &axes * axes.tr_mul(m);
             let (slopes, left) = (rest(&slopes), aim - here);
             matrix += slopes.tr_mul(&slopes) / MARKER_M.powi(2);
