@@ -19,7 +19,10 @@
 //! | `POST /api/upload`  | yes           | brings the opened table to the board                                    |
 //! | `POST /api/command` | yes           | plays, clears the safe state, switches an output, a word or a servo     |
 //!
-//! A page shows its control by the header `x-darm-control`. No `GET` changes anything.
+//! A page shows its control by the header `x-darm-control`. No `GET` changes anything but `GET /stop-line`, a WebSocket, which browsers
+//! open by no other method: it shuts the line that the page with control had. Only the key of that page opens one, a page of another
+//! site is refused by its `Origin`, and the line that is shut costs no stop: its page opens another a second later, and until then
+//! sends stops by `POST /api/stop`.
 
 use std::path::Path;
 use std::sync::Arc;

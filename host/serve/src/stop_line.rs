@@ -69,10 +69,10 @@ pub(crate) fn router(hub: Arc<Hub>, opened: Sender<Opened>) -> Router {
 }
 
 async fn open(State(door): State<Door>, Query(shown): Query<Shown>, mut request: Request) -> Response {
-    let has_control = u64::from_str_radix(&shown.key, 16).is_ok_and(|key| door.hub.controls(key));
-    if !has_control {
+    let key = u64::from_str_radix(&shown.key, 16).ok().filter(|key| door.hub.controls(*key));
+    let Some(key) = key else {
         return Refused::from(ControlError::Missing).into_response();
-    }
+    };
     let Ok(answer) = create_response_with_body(&request, Body::empty) else {
         return StatusCode::BAD_REQUEST.into_response();
     };
@@ -83,9 +83,14 @@ async fn open(State(door): State<Door>, Query(shown): Query<Shown>, mut request:
         let Ok(parts) = upgraded.downcast::<TokioIo<tokio::net::TcpStream>>() else { return };
         let Ok(stream) = parts.io.into_inner().into_std() else { return };
         let Ok(latest) = stream.try_clone() else { return };
-        let former = door.latest.lock().unwrap_or_else(PoisonError::into_inner).replace(latest);
+        // A client that reads its answer late has handed control over meanwhile: it shuts no line of the next page.
+        if !door.hub.controls(key) {
+            return;
+        }
+        // Locked until it is sent, so that the one that is shut is never the last that the thread gets.
+        let mut current = door.latest.lock().unwrap_or_else(PoisonError::into_inner);
         // Of one that has ended nothing is left to be shut.
-        former.map(|former| former.shutdown(Shutdown::Both));
+        current.replace(latest).map(|former| former.shutdown(Shutdown::Both));
         // The thread ends with the server.
         let _ = door.opened.send(Opened { stream, read: parts.read_buf.into() });
     });
@@ -96,11 +101,18 @@ async fn open(State(door): State<Door>, Query(shown): Query<Shown>, mut request:
 pub(crate) fn answer(hub: &Hub, opened: &Receiver<Opened>) {
     let mut line = None;
     while !hub.has_ended() {
-        line = match (opened.try_iter().last(), line) {
-            (Some(newer), _) => newer.accept(),
-            (None, Some(line)) => answer_one(hub, line),
-            (None, None) => opened.recv_timeout(LOOK).ok().and_then(Opened::accept),
-        };
+        if let Some(newer) = opened.try_iter().last() {
+            line = newer.accept();
+        }
+        match &mut line {
+            Some(open) if answer_one(hub, open) => {}
+            Some(ended) => {
+                // The door has a handle of it too, which keeps it open: its page would send stops that nobody reads.
+                let _ = ended.get_ref().shutdown(Shutdown::Both);
+                line = None;
+            }
+            None => line = opened.recv_timeout(LOOK).ok().and_then(Opened::accept),
+        }
     }
 }
 
@@ -115,18 +127,18 @@ impl Opened {
     }
 }
 
-/// Waits for a message for a while and answers it; the connection, unless it has ended.
-fn answer_one(hub: &Hub, mut line: WebSocket<TcpStream>) -> Option<WebSocket<TcpStream>> {
+/// Waits for a message for a while and answers it; whether the connection is still open.
+fn answer_one(hub: &Hub, line: &mut WebSocket<TcpStream>) -> bool {
     use std::io::ErrorKind::{TimedOut, WouldBlock};
     match line.read() {
         Ok(Message::Text(_) | Message::Binary(_)) => {
             let began = Instant::now();
             let answer = api::stopped(began, hub.stop().map_err(|error| error.to_string()));
-            line.send(Message::text(api::stop_json(&answer))).ok().map(|()| line)
+            line.send(Message::text(api::stop_json(&answer))).is_ok()
         }
         // What keeps a connection open was answered.
-        Ok(_) => Some(line),
-        Err(tungstenite::Error::Io(error)) if matches!(error.kind(), TimedOut | WouldBlock) => Some(line),
-        Err(_) => None,
+        Ok(_) => true,
+        Err(tungstenite::Error::Io(error)) => matches!(error.kind(), TimedOut | WouldBlock),
+        Err(_) => false,
     }
 }

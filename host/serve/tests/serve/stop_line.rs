@@ -121,6 +121,19 @@ fn a_person_stops_by_it_where_no_request_gets_through() {
     assert_eq!(bench.pins().0, 0);
 }
 
+/// Its page opens another one then, in place of sending stops that nobody reads.
+#[test]
+fn a_connection_that_the_server_has_given_up_is_closed() {
+    let bench = Bench::start("planar4.toml");
+    let page = bench.page_in_control();
+    let mut line = StopLine::open(bench.address(), page.key(), &[]).ok().unwrap();
+    line.0.send(Message::text("x".repeat(2000))).unwrap();
+    match line.0.read() {
+        Err(tungstenite::Error::Io(error)) => assert_ne!(error.kind(), std::io::ErrorKind::WouldBlock, "it is open"),
+        other => assert!(matches!(other, Err(_) | Ok(Message::Close(_))), "{other:?}"),
+    }
+}
+
 /// The thread of the connection reads on as long as bytes come.
 #[test]
 fn a_former_page_that_keeps_sending_does_not_keep_the_next_one_waiting() {
