@@ -174,7 +174,7 @@ pub(crate) struct Stopped {
 /// By a thread that does nothing else: it waits for nothing that the server does.
 pub(crate) async fn stop(State(hub): Shared) -> Answer<Stopped> {
     let began = Instant::now();
-    stopped(began, hub.request_stop().await).map(Json)
+    stopped(began, hub.stops().request().await).map(Json)
 }
 
 /// The answer to a stop that was sent, or why it could not be.
@@ -405,7 +405,7 @@ pub(crate) async fn type_line(
         // By the thread of stops: it waits for nothing.
         LineKind::Stops => {
             hub.typed(&line);
-            return stopped(Instant::now(), hub.request_stop().await).map(|_| Json(()));
+            return stopped(Instant::now(), hub.stops().request().await).map(|_| Json(()));
         }
     };
     order(&hub, key, Task::Type(line), None).await

@@ -1,15 +1,14 @@
 //! What watcher and pages share: the last state of the board, who controls the arm, the opened table, and the stop.
 
 use std::collections::VecDeque;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use darm_arm::wired_arm::WiredArm;
 use darm_device::client::sharing::{Guest, Rights};
-use darm_device::client::stop::{Confirmation, STOP_BOUND, StopHandle};
-use darm_device::link::LinkError;
+use darm_device::client::stop::StopHandle;
 use tokio::sync::{oneshot, watch};
 
 use crate::attached::Attached;
@@ -25,19 +24,18 @@ use crate::recording::Recordings;
 use crate::refusal::{Kind, Refused};
 use crate::samples::{Samples, SamplesView};
 use crate::served_arm::ServedArm;
+use crate::stops::Stops;
 use crate::unix_time;
 use crate::view::{BoardView, ControlView, EventView, LinkView, LiveView, UploadView};
 
 /// What is older than this is not live: ten times the interval of the questions.
 pub const LIVE: Duration = Duration::from_millis(500);
-/// The thread of stops looks this often whether the server ends.
-const LOOK: Duration = Duration::from_millis(100);
 /// Events that are kept for pages.
 const EVENTS: usize = 60;
 
 /// What watcher and pages share.
 pub struct Hub {
-    stopper: Stopper,
+    stops: Stops,
     arm: Option<ServedArm>,
     history: Option<Arc<History>>,
     recordings: Arc<Recordings>,
@@ -45,16 +43,8 @@ pub struct Hub {
     state: Mutex<State>,
     /// Wakes pages that wait for news.
     revision: watch::Sender<u64>,
-    /// Number of stops that pages have sent.
-    stops: AtomicU64,
     has_ended: AtomicBool,
-    /// Pages that wait for a stop, and the thread that answers them.
-    stop_requests: Sender<StopRequest>,
-    stops_wanted: Mutex<Receiver<StopRequest>>,
 }
-
-/// A page that waits for a stop.
-type StopRequest = oneshot::Sender<Result<Confirmation, String>>;
 
 struct State {
     link: LinkView,
@@ -68,10 +58,6 @@ struct State {
     samples: Samples,
     /// Name of the port that was opened last; empty before.
     port: String,
-    /// Stops the board past the watcher, while the port is open.
-    handle: Option<StopHandle>,
-    /// Stops through ports that were open before.
-    former_stops: u64,
     picture: (u64, Option<Arc<Result<Picture, String>>>),
     program: (u64, Option<Arc<Program>>),
     measured: Measured,
@@ -82,11 +68,6 @@ impl State {
     fn predicted(&self) -> Option<Tool> {
         let picture = self.picture.1.as_deref()?.as_ref().ok()?;
         Some(picture.tool)
-    }
-
-    /// The port is not used any more.
-    fn let_go(&mut self) {
-        self.former_stops += self.handle.take().map_or(0, |handle| handle.stops());
     }
 }
 
@@ -102,7 +83,6 @@ pub(crate) struct HubParts {
 impl Hub {
     pub(crate) fn new(parts: HubParts) -> Self {
         let HubParts { stopper, arm, history, recordings, orders } = parts;
-        let (stop_requests, stops_wanted) = channel();
         let state = State {
             link: LinkView::Connecting,
             seen: None,
@@ -114,24 +94,19 @@ impl Hub {
             console: Console::default(),
             samples: Samples::default(),
             port: String::new(),
-            handle: None,
-            former_stops: 0,
             picture: (0, None),
             program: (0, None),
             measured: Measured::default(),
         };
         Self {
-            stopper,
+            stops: Stops::new(stopper),
             arm,
             history,
             recordings,
             orders,
             state: Mutex::new(state),
             revision: watch::Sender::new(1),
-            stops: AtomicU64::new(0),
             has_ended: AtomicBool::new(false),
-            stop_requests,
-            stops_wanted: Mutex::new(stops_wanted),
         }
     }
 
@@ -155,41 +130,9 @@ impl Hub {
         &self.recordings
     }
 
-    /// Stops the board, within [`STOP_BOUND`]: past the watcher where the port is open, else through the port itself. What was
-    /// ordered before is not sent any more.
-    ///
-    /// # Errors
-    ///
-    /// The stop could not be sent.
-    pub fn stop(&self) -> Result<Confirmation, LinkError> {
-        self.stops.fetch_add(1, Ordering::SeqCst);
-        let handle = self.state().handle.clone();
-        let past = handle.map(|handle| handle.stop(STOP_BOUND));
-        past.and_then(Result::ok).map_or_else(|| (self.stopper)(), Ok)
-    }
-
-    /// The same by the thread of stops, which answers nothing else.
-    ///
-    /// # Errors
-    ///
-    /// Why the stop could not be sent, in a sentence.
-    pub(crate) async fn request_stop(&self) -> Result<Confirmation, String> {
-        let (answer, answered) = oneshot::channel();
-        let ending = |_| "the server is ending".to_owned();
-        self.stop_requests.send(answer).map_err(|_| ending(()))?;
-        answered.await.map_err(|_| ending(()))?
-    }
-
-    /// Answers stops until the server ends. Those that arrive while one is sent share the next.
-    pub(crate) fn answer_stops(&self) {
-        let wanted = self.stops_wanted.lock().unwrap_or_else(PoisonError::into_inner);
-        while !self.has_ended() {
-            let Ok(first) = wanted.recv_timeout(LOOK) else { continue };
-            let all: Vec<StopRequest> = std::iter::once(first).chain(wanted.try_iter()).collect();
-            let outcome = self.stop().map_err(|error| error.to_string());
-            // A page that has left waits no longer.
-            all.into_iter().for_each(|page| drop(page.send(outcome.clone())));
-        }
+    /// What sends stops and counts them.
+    pub(crate) fn stops(&self) -> &Stops {
+        &self.stops
     }
 
     /// Whether this is the key of the page with control.
@@ -211,21 +154,6 @@ impl Hub {
         self.state().board.as_ref().is_some_and(|board| board.phase.name == "manual")
     }
 
-    /// Stops the board; false where that is not confirmed: the link is lost and pages say so, and the limits of the board hold.
-    pub(crate) fn stop_is_confirmed(&self) -> bool {
-        self.stop().is_ok_and(|confirmation| confirmation != Confirmation::Missing)
-    }
-
-    /// Number of stops so far: of pages, and of others through the port. One may count twice.
-    pub(crate) fn stops(&self) -> u64 {
-        self.stops_of(&self.state())
-    }
-
-    fn stops_of(&self, state: &State) -> u64 {
-        let of_port = state.handle.as_ref().map_or(0, StopHandle::stops);
-        self.stops.load(Ordering::SeqCst) + state.former_stops + of_port
-    }
-
     /// Queues an order of the page with this key, or one that needs no control; its result comes through the receiver. `known_stops` is
     /// the number of stops that the page knows of, where no person has just ordered it: a later one outdates it.
     pub(crate) fn order(
@@ -234,7 +162,7 @@ impl Hub {
         task: Task,
         known_stops: Option<u64>,
     ) -> Result<oneshot::Receiver<Result<(), Refused>>, Refused> {
-        let stops = known_stops.unwrap_or_else(|| self.stops());
+        let stops = known_stops.unwrap_or_else(|| self.stops.count());
         if let Some(key) = key {
             self.control(|control, now| control.check(now, key))?;
         }
@@ -302,7 +230,7 @@ impl Hub {
             revision: *self.revision.borrow(),
             link,
             port: state.port.clone(),
-            stops: self.stops_of(&state),
+            stops: self.stops.count(),
             age_s: age.map(|age| age.as_secs_f64()),
             control: state.control.holder(now).map(|holder| ControlView {
                 page: holder.grant.page,
@@ -361,9 +289,8 @@ impl Hub {
 
     /// The port of this name is open.
     pub(crate) fn set_open(&self, port: &str, handle: StopHandle) {
-        let mut state = self.state();
-        state.let_go();
-        (state.port, state.handle) = (port.to_owned(), Some(handle));
+        self.stops.open(handle);
+        self.state().port = port.to_owned();
     }
 
     /// The board has answered.
@@ -389,9 +316,9 @@ impl Hub {
 
     /// The port is lost, or did not open.
     pub(crate) fn set_lost(&self, reason: String) {
+        self.stops.close();
         {
             let mut state = self.state();
-            state.let_go();
             (state.link, state.upload) = (LinkView::Lost { reason }, None);
         }
         self.wake();

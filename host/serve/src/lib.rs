@@ -42,6 +42,7 @@ mod samples;
 mod served_arm;
 pub mod server;
 mod stop_line;
+mod stops;
 mod unix_time;
 pub mod upload;
 mod upload_memory;

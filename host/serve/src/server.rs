@@ -147,7 +147,9 @@ impl Server {
             thread::Builder::new().name("watcher".into()).spawn(move || watcher.run())?,
             thread::Builder::new().name("accept".into()).spawn(accept)?,
             thread::Builder::new().name("http".into()).spawn(http)?,
-            thread::Builder::new().name("stop".into()).spawn(move || stops.answer_stops())?,
+            thread::Builder::new()
+                .name("stop".into())
+                .spawn(move || stops.stops().answer_requests(|| stops.has_ended()))?,
             thread::Builder::new().name("stop-line".into()).spawn(move || stop_line::answer(&line, &opened))?,
         ];
         if let Some(source) = poses {

@@ -105,11 +105,12 @@ pub(crate) fn answer(hub: &Hub, opened: &Receiver<Opened>) {
             line = newer.accept();
         }
         match &mut line {
-            Some(open) if answer_one(hub, open) => {}
-            Some(ended) => {
-                // The door has a handle of it too, which keeps it open: its page would send stops that nobody reads.
-                let _ = ended.get_ref().shutdown(Shutdown::Both);
-                line = None;
+            Some(open) => {
+                if !answer_one(hub, open) {
+                    // The door has a handle of it too, which keeps it open: its page would send stops that nobody reads.
+                    let _ = open.get_ref().shutdown(Shutdown::Both);
+                    line = None;
+                }
             }
             None => line = opened.recv_timeout(LOOK).ok().and_then(Opened::accept),
         }
@@ -133,7 +134,7 @@ fn answer_one(hub: &Hub, line: &mut WebSocket<TcpStream>) -> bool {
     match line.read() {
         Ok(Message::Text(_) | Message::Binary(_)) => {
             let began = Instant::now();
-            let answer = api::stopped(began, hub.stop().map_err(|error| error.to_string()));
+            let answer = api::stopped(began, hub.stops().send());
             line.send(Message::text(api::stop_json(&answer))).is_ok()
         }
         // What keeps a connection open was answered.

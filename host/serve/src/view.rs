@@ -19,7 +19,7 @@ pub struct LiveView {
     pub link: LinkView,
     /// Name of the port that was opened last; empty before.
     pub port: String,
-    /// Number of stops so far, of anybody.
+    /// Grows with every stop, of anybody.
     pub stops: u64,
     /// Age of what was seen of the board, s.
     pub age_s: Option<f64>,

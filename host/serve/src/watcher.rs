@@ -66,13 +66,13 @@ impl Watcher {
 
     /// As when the page in control goes away: nobody is left who would switch off what it drives by hand.
     fn switch_off(&mut self) {
-        self.is_by_hand = self.is_by_hand && !self.hub.stop_is_confirmed();
+        self.is_by_hand = self.is_by_hand && !self.hub.stops().send_confirmed();
     }
 
     fn connect(&mut self) -> Result<Client, ClientError> {
-        let stops = self.hub.stops();
         let (link, handle) = (self.open)()?;
         self.hub.set_open(link.name(), handle.clone());
+        let stops = self.hub.stops().count();
         let mut client = Client::connect(link)?;
         let hub = Arc::clone(&self.hub);
         client.set_on_text(move |text| hub.hear_text(text));
@@ -157,7 +157,7 @@ impl Watcher {
     /// opened: the board itself refuses a command after a stop that comes later.
     fn prepare(&mut self, client: &mut Client, order: &Order) -> Result<(), Refused> {
         self.open_again(client)?;
-        if order.stops != self.hub.stops() {
+        if order.stops != self.hub.stops().count() {
             return Err(Refused::new(Kind::Stopped, "a stop came meanwhile; nothing was sent"));
         }
         if order.made < self.opened {
@@ -175,12 +175,12 @@ impl Watcher {
 
     /// Opens the connection where a stop of a page or the board has ended it, or joins the one that a program has opened since.
     fn open_again(&mut self, client: &mut Client) -> Result<(), ClientError> {
-        let is_open = self.stops_at_hello == Some(self.hub.stops()) && client.knows_connection();
+        let is_open = self.stops_at_hello == Some(self.hub.stops().count()) && client.knows_connection();
         if is_open { Ok(()) } else { self.say_hello(client) }
     }
 
     fn say_hello(&mut self, client: &mut Client) -> Result<(), ClientError> {
-        let stops = self.hub.stops();
+        let stops = self.hub.stops().count();
         client.join()?;
         (self.stops_at_hello, self.opened) = (Some(stops), Instant::now());
         Ok(())
@@ -193,7 +193,7 @@ impl Watcher {
             Task::Upload(program) => self.upload(client, program),
             Task::Type(line) => {
                 self.hub.typed(line);
-                let is_late = || order.stops != self.hub.stops() || order.made.elapsed() > PATIENCE;
+                let is_late = || order.stops != self.hub.stops().count() || order.made.elapsed() > PATIENCE;
                 let typed = match order.key {
                     None => client.type_line(line),
                     Some(_) => client.type_change(line, is_late),

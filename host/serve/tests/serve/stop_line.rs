@@ -6,7 +6,7 @@ use std::thread;
 use std::time::Duration;
 
 use darm_serve::connections::{KEPT, MAX_CONNECTIONS};
-use serde_json::Value;
+use serde_json::{Value, json};
 use tungstenite::handshake::HandshakeError;
 use tungstenite::http::Request;
 use tungstenite::{Message, WebSocket};
@@ -119,6 +119,41 @@ fn a_person_stops_by_it_where_no_request_gets_through() {
     browser.press(" ");
     browser.wait("document.querySelector('#stopped').dataset.outcome === 'confirmed'");
     assert_eq!(bench.pins().0, 0);
+}
+
+/// As after a stop by a request: whoever stops, and whatever becomes of the port since.
+#[test]
+fn an_order_from_before_a_stop_or_a_lost_port_is_outdated() {
+    let bench = Bench::start("planar4.toml");
+    bench.phase("idle");
+    let page = bench.page_in_control();
+    let digest = page.upload(&bench.table(&["000010000000"], 0.3));
+    let play = || json!({"do": "play", "table": digest, "stops": bench.get("/api/live")["stops"]});
+    let mut line = StopLine::open(bench.address(), page.key(), &[]).ok().unwrap();
+    let earlier = [
+        play(),
+        {
+            line.stop().unwrap();
+            play()
+        },
+        {
+            bench.guest("`darm stop`").stop().unwrap();
+            bench.plug(false);
+            bench.live(|live| live["link"]["state"] == "lost");
+            bench.plug(true);
+            bench.phase("idle");
+            line.stop().unwrap();
+            play()
+        },
+    ];
+    line.stop().unwrap();
+    bench.phase("idle");
+    for order in &earlier {
+        let refused = page.command(order);
+        assert_eq!(refused.json()["refused"]["kind"], "stopped", "{order}");
+    }
+    assert_eq!(bench.pins().0, 0);
+    assert_eq!(page.command(&play()).status, 200);
 }
 
 /// Its page opens another one then, in place of sending stops that nobody reads.
