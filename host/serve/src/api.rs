@@ -41,8 +41,9 @@ use darm_measure::visits::Visits;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
+use crate::attached::PageId;
 use crate::console::ConsoleLine;
-use crate::control::LEASE;
+use crate::control::{GrantNumber, LEASE};
 use crate::hub::Hub;
 use crate::order::Task;
 use crate::program::{Origin, Program};
@@ -201,8 +202,8 @@ pub(crate) fn stop_json(answer: &Result<Stopped, Refused>) -> String {
 #[serde(tag = "do", rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) enum ControlRequest {
     Take {
-        /// The number under which the page has said that it is there.
-        page: Option<u32>,
+        /// As it has said that it is there.
+        page: Option<PageId>,
     },
     Renew,
     Resume,
@@ -211,7 +212,7 @@ pub(crate) enum ControlRequest {
     /// Asks the page with control for it: what is granted is valid once it hands it over.
     Ask {
         /// As of `Take`.
-        page: Option<u32>,
+        page: Option<PageId>,
     },
     HandOver,
     /// Control is not handed over, or not wanted any more.
@@ -220,7 +221,9 @@ pub(crate) enum ControlRequest {
 
 #[derive(Serialize)]
 pub(crate) struct Granted {
-    page: Option<u32>,
+    /// Number of the grant.
+    #[serde(rename = "page")]
+    grant: Option<GrantNumber>,
     key: Option<String>,
     lease_s: f64,
 }
@@ -230,17 +233,17 @@ pub(crate) async fn control(
     headers: HeaderMap,
     Json(request): Json<ControlRequest>,
 ) -> Answer<Granted> {
-    let granted = |page, key| Json(Granted { page, key, lease_s: LEASE.as_secs_f64() });
+    let granted = |grant, key| Json(Granted { grant, key, lease_s: LEASE.as_secs_f64() });
     match request {
         ControlRequest::Take { page } => {
             let name = hub.page_name(page);
             let grant = hub.control(|control, now| control.take(now, rand::random(), &name))?;
-            Ok(granted(Some(grant.page), Some(format!("{:016x}", grant.key))))
+            Ok(granted(Some(grant.number), Some(format!("{:016x}", grant.key))))
         }
         ControlRequest::Ask { page } => {
             let name = hub.page_name(page);
             let grant = hub.control(|control, now| control.ask(now, rand::random(), &name))?;
-            Ok(granted(Some(grant.page), Some(format!("{:016x}", grant.key))))
+            Ok(granted(Some(grant.number), Some(format!("{:016x}", grant.key))))
         }
         ControlRequest::Renew | ControlRequest::HandOver => {
             let (key, is_renewal) = (key(&headers)?, matches!(request, ControlRequest::Renew));
@@ -250,7 +253,7 @@ pub(crate) async fn control(
         ControlRequest::Resume => {
             let key = key(&headers)?;
             let grant = hub.control(|control, now| control.resume(now, key, rand::random()))?;
-            Ok(granted(Some(grant.page), Some(format!("{:016x}", grant.key))))
+            Ok(granted(Some(grant.number), Some(format!("{:016x}", grant.key))))
         }
         ControlRequest::Release | ControlRequest::Leave | ControlRequest::Refuse => {
             let key = key(&headers)?;
@@ -270,8 +273,7 @@ pub(crate) async fn control(
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Here {
-    /// A random number of the page.
-    page: u32,
+    page: PageId,
     /// What it is called.
     name: String,
 }

@@ -3,12 +3,17 @@
 use std::time::{Duration, Instant};
 
 use darm_device::client::sharing::Guest;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// A page says once a second that it is there; one that has not for this time has gone.
 pub(crate) const PRESENCE: Duration = Duration::from_secs(3);
 /// Pages that are listed at most: whoever says more often under other numbers that it is there fills no memory.
 const MAX_PAGES: usize = 32;
+
+/// A random number that a page gives itself: the pages of a tab, one after the other, are one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(transparent)]
+pub(crate) struct PageId(pub(crate) u32);
 
 /// A page or program, as pages show it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -28,7 +33,7 @@ pub(crate) struct Attached {
 
 #[derive(Debug)]
 struct SeenPage {
-    id: u32,
+    id: PageId,
     /// What it calls itself.
     given: String,
     /// The same with a number behind it where another page calls itself so.
@@ -38,7 +43,7 @@ struct SeenPage {
 
 impl Attached {
     /// A page is there, under this name. Whether the list has changed.
-    pub(crate) fn see(&mut self, now: Instant, id: u32, name: &str) -> bool {
+    pub(crate) fn see(&mut self, now: Instant, id: PageId, name: &str) -> bool {
         let before = self.pages.len();
         self.pages.retain(|page| now < page.seen + PRESENCE);
         let has_gone = self.pages.len() < before;
@@ -61,8 +66,8 @@ impl Attached {
         }
     }
 
-    /// What the page with this number is called.
-    pub(crate) fn name(&self, id: u32) -> Option<String> {
+    /// What this page is called.
+    pub(crate) fn name(&self, id: PageId) -> Option<String> {
         self.pages.iter().find(|page| page.id == id).map(|page| page.name.clone())
     }
 
@@ -89,25 +94,29 @@ mod tests {
 
     use darm_device::client::sharing::Guest;
 
-    use super::{Attached, MAX_PAGES, PRESENCE};
+    use super::{Attached, MAX_PAGES, PRESENCE, PageId};
 
     #[test]
     fn pages_are_listed_while_they_say_that_they_are_there_and_programs_until_they_leave() {
         let (mut attached, start) = (Attached::default(), Instant::now());
         let guest = Guest { key: 9, name: "`darm record`".to_owned(), process: None };
-        assert!(attached.see(start, 1, "phone"));
-        assert!(!attached.see(start, 1, "phone") && attached.see(start, 1, "bench"));
+        assert!(attached.see(start, PageId(1), "phone"));
+        assert!(!attached.see(start, PageId(1), "phone") && attached.see(start, PageId(1), "bench"));
         attached.arrive(&guest);
         let names = |attached: &Attached, at| attached.view(at).into_iter().map(|one| one.name).collect::<Vec<_>>();
         assert_eq!(names(&attached, start), ["bench", "`darm record`"]);
         assert_eq!(names(&attached, start + PRESENCE), ["`darm record`"]);
-        assert!(attached.see(start + PRESENCE, 2, "other") && attached.see(start + PRESENCE, 3, "other"));
+        assert!(
+            attached.see(start + PRESENCE, PageId(2), "other") && attached.see(start + PRESENCE, PageId(3), "other")
+        );
         assert_eq!(names(&attached, start + PRESENCE), ["other", "other (2)", "`darm record`"]);
-        assert!(attached.see(start + PRESENCE, 3, "third") && attached.name(3).as_deref() == Some("third"));
+        assert!(
+            attached.see(start + PRESENCE, PageId(3), "third") && attached.name(PageId(3)).as_deref() == Some("third")
+        );
         attached.leave(&guest);
         assert_eq!(names(&attached, start + PRESENCE), ["other", "third"]);
         for id in 4..100 {
-            attached.see(start + PRESENCE, id, "flood");
+            attached.see(start + PRESENCE, PageId(id), "flood");
         }
         assert_eq!(names(&attached, start + PRESENCE).len(), MAX_PAGES);
     }

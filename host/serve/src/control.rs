@@ -18,6 +18,8 @@
 
 use std::time::{Duration, Instant};
 
+use serde::Serialize;
+
 /// How long control lasts without being renewed; pages renew once a second.
 pub const LEASE: Duration = Duration::from_secs(3);
 /// How long it lasts after its page was left, until the next page of the tab resumes.
@@ -26,11 +28,16 @@ pub const CHANGE: Duration = Duration::from_secs(2);
 /// How long a page that asks waits for control.
 pub const ASK: Duration = Duration::from_secs(30);
 
+/// Number of a grant, which every page may see: "page 3 controls the arm". It grows with each.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(transparent)]
+pub struct GrantNumber(pub u32);
+
 /// Control as a page gets it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Grant {
-    /// Number of the grant, which every page may see: "page 3 controls the arm".
-    pub page: u32,
+    /// Its number, which the next page of a tab keeps.
+    pub number: GrantNumber,
     /// What the page shows with each order; no other page learns it.
     pub key: u64,
 }
@@ -69,7 +76,8 @@ pub enum ControlError {
 pub struct Control {
     holder: Option<Holder>,
     asking: Option<Holder>,
-    grants: u32,
+    /// Of the latest.
+    number: GrantNumber,
     is_abandoned: bool,
 }
 
@@ -125,10 +133,10 @@ impl Control {
     }
 
     fn next(&mut self, until: Instant, key: u64, name: &str) -> Holder {
-        self.grants += 1;
-        let page = self.grants;
-        let name = if name.is_empty() { format!("page {page}") } else { name.to_owned() };
-        Holder { grant: Grant { page, key }, name, is_program: false, until, has_left: false }
+        let number = GrantNumber(self.number.0 + 1);
+        self.number = number;
+        let name = if name.is_empty() { format!("page {}", number.0) } else { name.to_owned() };
+        Holder { grant: Grant { number, key }, name, is_program: false, until, has_left: false }
     }
 
     /// Asks the page with control to hand it over. The grant is what the page will have then; at once where nobody has control.
@@ -268,7 +276,7 @@ mod tests {
         let (mut control, start) = (Control::default(), Instant::now());
         assert_eq!(control.check(start, 7), Err(ControlError::Missing));
         let first = control.take(start, 7, "").unwrap();
-        assert_eq!(control.take(start, 8, ""), Err(ControlError::Taken { name: format!("page {}", first.page) }));
+        assert_eq!(control.take(start, 8, ""), Err(ControlError::Taken { name: format!("page {}", first.number.0) }));
         assert_eq!((control.check(start, 7), control.check(start, 8).is_err()), (Ok(()), true));
         control.release(8);
         assert_eq!(name_of_holder(&control, start), Some("page 1"));
@@ -278,7 +286,7 @@ mod tests {
         assert_eq!(control.check(late + LEASE, 7), Err(ControlError::Missing));
         assert_eq!(control.renew(late + LEASE, 7), Err(ControlError::Missing));
         let second = control.take(late + LEASE, 8, "").unwrap();
-        assert_ne!(second.page, first.page);
+        assert_ne!(second.number, first.number);
         control.release(8);
         assert_eq!(name_of_holder(&control, late + LEASE), None);
     }
@@ -304,7 +312,8 @@ mod tests {
     #[test]
     fn the_next_page_of_a_tab_resumes_once_and_a_duplicated_tab_does_not() {
         let (mut control, start) = (Control::default(), Instant::now());
-        let page = control.take(start, 7, "").unwrap().page;
+        let number = control.take(start, 7, "").unwrap().number;
+        let page = number.0;
         assert_eq!(
             control.resume(start, 7, 8),
             Err(ControlError::Taken { name: format!("page {page}") }),
@@ -314,7 +323,7 @@ mod tests {
         assert_eq!(control.take(start, 9, ""), Err(ControlError::Taken { name: format!("page {page}") }));
         assert!(control.resume(start, 6, 8).is_err(), "another key");
         let soon = start + CHANGE / 2;
-        assert_eq!(control.resume(soon, 7, 8).map(|grant| (grant.page, grant.key)), Ok((page, 8)));
+        assert_eq!(control.resume(soon, 7, 8).map(|grant| (grant.number, grant.key)), Ok((number, 8)));
         // The former key is that of the duplicate; also a request of the former page may come late.
         control.leave(soon, 7);
         assert!(control.resume(soon, 7, 9).is_err() && control.check(soon, 7).is_err());

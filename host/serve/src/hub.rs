@@ -11,7 +11,7 @@ use darm_device::client::sharing::{Guest, Rights};
 use darm_device::client::stop::StopHandle;
 use tokio::sync::{oneshot, watch};
 
-use crate::attached::Attached;
+use crate::attached::{Attached, PageId};
 use crate::board_port::Stopper;
 use crate::console::{Console, ConsoleLine};
 use crate::control::{Control, ControlError};
@@ -183,7 +183,7 @@ impl Hub {
     }
 
     /// A page says that it is there.
-    pub(crate) fn see_page(&self, id: u32, name: &str) {
+    pub(crate) fn see_page(&self, id: PageId, name: &str) {
         let has_changed = self.state().attached.see(Instant::now(), id, name);
         if has_changed {
             self.wake();
@@ -191,7 +191,7 @@ impl Hub {
     }
 
     /// What a page is called that has said that it is there; else nothing.
-    pub(crate) fn page_name(&self, id: Option<u32>) -> String {
+    pub(crate) fn page_name(&self, id: Option<PageId>) -> String {
         id.and_then(|id| self.state().attached.name(id)).unwrap_or_default()
     }
 
@@ -233,7 +233,7 @@ impl Hub {
             stops: self.stops.count(),
             age_s: age.map(|age| age.as_secs_f64()),
             control: state.control.holder(now).map(|holder| ControlView {
-                page: holder.grant.page,
+                grant: holder.grant.number,
                 name: holder.name.clone(),
                 is_program: holder.is_program,
                 asked_by: state.control.asking(now).map(str::to_owned),
@@ -362,7 +362,7 @@ impl Rights for Hub {
     fn take_control(&self, guest: &Guest) -> Result<(), String> {
         let taken = self.control(|control, now| {
             // What a page records moves the arm with its control; another page that has control is asked first, as by anybody.
-            if control.holder(now).is_some_and(|holder| self.recordings.is_for(guest.process, holder.grant.page)) {
+            if control.holder(now).is_some_and(|holder| self.recordings.is_for(guest.process, holder.grant.number)) {
                 return Ok(());
             }
             control.take_as_program(now, guest.key, &guest.name)

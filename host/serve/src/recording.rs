@@ -16,6 +16,7 @@ use std::time::{Instant, UNIX_EPOCH};
 use serde::Serialize;
 use serde_json::Value;
 
+use crate::control::GrantNumber;
 use crate::refusal::{Kind, Refused};
 
 /// Longest name.
@@ -70,8 +71,8 @@ struct Recorded {
 struct Running {
     name: String,
     process: u32,
-    /// Number of the page that has started it.
-    page: u32,
+    /// The control of the page that has started it.
+    grant: GrantNumber,
     since: Instant,
 }
 
@@ -80,10 +81,10 @@ impl Recordings {
         Self { setup, state: Mutex::default() }
     }
 
-    /// Whether this process records for the page with this number.
-    pub(crate) fn is_for(&self, process: Option<u32>, page: u32) -> bool {
+    /// Whether this process records for the page with this control.
+    pub(crate) fn is_for(&self, process: Option<u32>, grant: GrantNumber) -> bool {
         let state = self.state();
-        state.running.as_ref().is_some_and(|running| process == Some(running.process) && page == running.page)
+        state.running.as_ref().is_some_and(|running| process == Some(running.process) && grant == running.grant)
     }
 
     /// What pages show; `None` where the server has no folder for recordings.
@@ -127,9 +128,15 @@ impl Recordings {
         fs::read(&path).map_err(|error| Refused::new(Kind::Refused, error))
     }
 
-    /// Writes table and visit file into the folder as `name`, and starts the command for the page with this number. One call at a time: the
+    /// Writes table and visit file into the folder as `name`, and starts the command for the page with this control. One call at a time: the
     /// state is not locked meanwhile, as pages and stops wait for it, and a disk may be slow.
-    pub(crate) fn start(self: &Arc<Self>, page: u32, name: &str, table: &[u8], visits: &str) -> Result<(), Refused> {
+    pub(crate) fn start(
+        self: &Arc<Self>,
+        grant: GrantNumber,
+        name: &str,
+        table: &[u8],
+        visits: &str,
+    ) -> Result<(), Refused> {
         let RecordSetup { folder, command } = self.setup()?;
         if !is_name(name) {
             let text = format!("a name has 1 to {MAX_NAME} letters, digits, - and _");
@@ -153,7 +160,7 @@ impl Recordings {
         let child = command.process_group(0).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
         let not_started = |error| Refused::new(Kind::Refused, format!("darm record does not start: {error}"));
         let child = child.map_err(not_started)?;
-        let running = Running { name: format!("{name}.csv"), process: child.id(), page, since: Instant::now() };
+        let running = Running { name: format!("{name}.csv"), process: child.id(), grant, since: Instant::now() };
         *self.state() = Recorded { running: Some(running), last: None };
         let recordings = Arc::clone(self);
         thread::spawn(move || recordings.finish(child));

@@ -19,6 +19,7 @@ use darm_arm::wired_arm::WiredArm;
 use serde::Deserialize;
 
 use crate::api::key;
+use crate::control::ControlError;
 use crate::hub::Hub;
 use crate::job_queue::{JobQueue, Work};
 use crate::made_table::{self, DraftView, EditedVisit, TableView, Visited};
@@ -128,9 +129,9 @@ async fn record(
 ) -> Result<Json<()>, Refused> {
     let (key, hub) = (key(&headers)?, requests.hub);
     let started = requests.files.run(move |work: &Work| {
-        let page = hub.control(|control, now| {
+        let grant = hub.control(|control, now| {
             control.check(now, key)?;
-            Ok(control.holder(now).map_or(0, |holder| holder.grant.page))
+            control.holder(now).map(|holder| holder.grant.number).ok_or(ControlError::Missing)
         })?;
         let program = hub.program().filter(|program| program.view.digest.as_ref() == Some(&table));
         let other = "another table was opened meanwhile; look at it";
@@ -138,7 +139,7 @@ async fn record(
         let no_visits = "the table has no visit file: make it on this page, or after a diagnosis";
         let visits = program.visits.as_ref().ok_or_else(|| Refused::new(Kind::Invalid, no_visits))?;
         work.check()?;
-        hub.recordings().start(page, &name, &program.bytes, visits)
+        hub.recordings().start(grant, &name, &program.bytes, visits)
     });
     started.await.map(Json)
 }

@@ -5,6 +5,7 @@ use darm_core::units::Micros;
 use serde::Serialize;
 
 use crate::attached::AttachedView;
+use crate::control::GrantNumber;
 use crate::measured::MeasuredView;
 use crate::program::seconds;
 use crate::recording::RecordingsView;
@@ -48,8 +49,9 @@ pub struct LiveView {
 /// Who controls the arm.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ControlView {
-    /// Number of the grant.
-    pub page: u32,
+    /// Number of the grant; for pages `page`, as the name of a page without one says it.
+    #[serde(rename = "page")]
+    pub grant: GrantNumber,
     /// What the page or program is called.
     pub name: String,
     /// Whether it is a program: no page can ask it for control.
