@@ -9,6 +9,7 @@ use std::io::Write as _;
 use std::os::unix::process::CommandExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Instant, UNIX_EPOCH};
@@ -58,13 +59,20 @@ pub struct RecordingView {
 #[derive(Default)]
 pub(crate) struct Recordings {
     setup: Option<RecordSetup>,
-    state: Mutex<Recorded>,
+    state: Mutex<State>,
 }
 
-#[derive(Default)]
-struct Recorded {
-    running: Option<Running>,
-    last: Option<RecordingView>,
+/// One recording at a time. The lock is never held while files are written or a process starts: pages wait for the state.
+enum State {
+    Idle {
+        last: Option<RecordingView>,
+    },
+    /// Its files are written and its process starts.
+    Starting {
+        name: String,
+        last: Option<RecordingView>,
+    },
+    Running(Running),
 }
 
 /// A recording that runs.
@@ -76,6 +84,44 @@ struct Running {
     since: Instant,
 }
 
+impl Default for State {
+    fn default() -> Self {
+        Self::Idle { last: None }
+    }
+}
+
+/// A recording that starts. Where it is dropped without a process, what it wrote is removed and another one may start.
+struct Start<'a> {
+    recordings: &'a Recordings,
+    /// The files that were made for it: none of somebody else.
+    written: Vec<PathBuf>,
+}
+
+impl Start<'_> {
+    fn write(&mut self, path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+        let mut file = OpenOptions::new().write(true).create_new(true).open(path)?;
+        // Also of a file that finds no room on the disk.
+        self.written.push(path.to_owned());
+        file.write_all(bytes)
+    }
+
+    fn has_process(mut self, running: Running) {
+        self.written.clear();
+        *self.recordings.state() = State::Running(running);
+    }
+}
+
+impl Drop for Start<'_> {
+    fn drop(&mut self) {
+        // One that cannot be removed keeps its name from the next recording, which says so.
+        self.written.iter().for_each(|path| drop(fs::remove_file(path)));
+        let mut state = self.recordings.state();
+        if let State::Starting { last, .. } = &mut *state {
+            *state = State::Idle { last: last.take() };
+        }
+    }
+}
+
 impl Recordings {
     pub(crate) fn new(setup: Option<RecordSetup>) -> Self {
         Self { setup, state: Mutex::default() }
@@ -83,21 +129,22 @@ impl Recordings {
 
     /// Whether this process records for the page with this control.
     pub(crate) fn is_for(&self, process: Option<u32>, grant: GrantNumber) -> bool {
-        let state = self.state();
-        state.running.as_ref().is_some_and(|running| process == Some(running.process) && grant == running.grant)
+        matches!(&*self.state(), State::Running(running) if process == Some(running.process) && grant == running.grant)
     }
 
     /// What pages show; `None` where the server has no folder for recordings.
     pub(crate) fn view(&self) -> Option<RecordingsView> {
         self.setup.as_ref()?;
-        let state = self.state();
-        let running = state.running.as_ref().map(|running| RecordingView {
-            name: running.name.clone(),
-            is_running: true,
-            is_complete: false,
-            text: format!("recording for {:.0} s", running.since.elapsed().as_secs_f64()),
-        });
-        Some(RecordingsView { last: running.or_else(|| state.last.clone()) })
+        let last = match &*self.state() {
+            State::Idle { last } | State::Starting { last, .. } => last.clone(),
+            State::Running(running) => Some(RecordingView {
+                name: running.name.clone(),
+                is_running: true,
+                is_complete: false,
+                text: format!("recording for {:.0} s", running.since.elapsed().as_secs_f64()),
+            }),
+        };
+        Some(RecordingsView { last })
     }
 
     fn setup(&self) -> Result<&RecordSetup, Refused> {
@@ -105,7 +152,7 @@ impl Recordings {
         self.setup.as_ref().ok_or_else(|| Refused::new(Kind::Invalid, text))
     }
 
-    fn state(&self) -> MutexGuard<'_, Recorded> {
+    fn state(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -128,8 +175,7 @@ impl Recordings {
         fs::read(&path).map_err(|error| Refused::new(Kind::Refused, error))
     }
 
-    /// Writes table and visit file into the folder as `name`, and starts the command for the page with this control. One call at a time: the
-    /// state is not locked meanwhile, as pages and stops wait for it, and a disk may be slow.
+    /// Writes table and visit file into the folder as `name`, and starts the command for the page with this control.
     pub(crate) fn start(
         self: &Arc<Self>,
         grant: GrantNumber,
@@ -146,25 +192,41 @@ impl Recordings {
         if let Some(taken) = paths.iter().find(|path| fs::symlink_metadata(path).is_ok()) {
             return Err(Refused::new(Kind::Refused, format!("{} exists; choose another name", taken.display())));
         }
-        if let Some(running) = &self.state().running {
-            return Err(Refused::new(Kind::Refused, format!("{} is being recorded; wait for it", running.name)));
-        }
         let [output, visit_file, table_file] = paths;
+        let mut start = self.begin(format!("{name}.csv"))?;
         let not_written = |error: std::io::Error| {
             Refused::new(Kind::Refused, format!("the folder {} cannot be written: {error}", folder.display()))
         };
-        write_new(&table_file, table).map_err(not_written)?;
-        write_new(&visit_file, visits.as_bytes()).map_err(not_written)?;
+        start.write(&table_file, table).map_err(not_written)?;
+        start.write(&visit_file, visits.as_bytes()).map_err(not_written)?;
+        let not_started = |error| Refused::new(Kind::Refused, format!("darm record does not start: {error}"));
+        // Before the process: one that nobody waits for would never end for pages.
+        let (child, started) = channel::<Child>();
+        let recordings = Arc::clone(self);
+        let wait = move || started.recv().map_or((), |child| recordings.finish(child));
+        thread::Builder::new().name("recording".into()).spawn(wait).map_err(not_started)?;
         let mut command = command(&RecordFiles { table: table_file, output });
         // Ctrl-C in the server's terminal is for the server: the recording continues, as the program on the board does.
-        let child = command.process_group(0).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
-        let not_started = |error| Refused::new(Kind::Refused, format!("darm record does not start: {error}"));
-        let child = child.map_err(not_started)?;
-        let running = Running { name: format!("{name}.csv"), process: child.id(), grant, since: Instant::now() };
-        *self.state() = Recorded { running: Some(running), last: None };
-        let recordings = Arc::clone(self);
-        thread::spawn(move || recordings.finish(child));
+        command.process_group(0).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null());
+        let process = command.spawn().map_err(not_started)?;
+        start.has_process(Running { name: format!("{name}.csv"), process: process.id(), grant, since: Instant::now() });
+        // The thread waits for it.
+        let _ = child.send(process);
         Ok(())
+    }
+
+    /// The only recording that starts or runs is the one of this name from now on.
+    fn begin(&self, name: String) -> Result<Start<'_>, Refused> {
+        let mut state = self.state();
+        match &mut *state {
+            State::Idle { last } => {
+                *state = State::Starting { name, last: last.take() };
+                Ok(Start { recordings: self, written: Vec::new() })
+            }
+            State::Starting { name, .. } | State::Running(Running { name, .. }) => {
+                Err(Refused::new(Kind::Refused, format!("{name} is being recorded; wait for it")))
+            }
+        }
     }
 
     /// Waits for the command and keeps what came of it.
@@ -174,8 +236,10 @@ impl Recordings {
             Err(error) => (false, error.to_string()),
         };
         let mut state = self.state();
-        let name = state.running.take().map_or_else(String::new, |running| running.name);
-        state.last = Some(RecordingView { name, is_running: false, is_complete, text });
+        if let State::Running(Running { name, .. }) = &mut *state {
+            let name = std::mem::take(name);
+            *state = State::Idle { last: Some(RecordingView { name, is_running: false, is_complete, text }) };
+        }
     }
 }
 
@@ -210,10 +274,6 @@ fn is_name(name: &str) -> bool {
     (1..=MAX_NAME).contains(&name.len()) && name.chars().all(is_plain)
 }
 
-fn write_new(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    OpenOptions::new().write(true).create_new(true).open(path)?.write_all(bytes)
-}
-
 /// What `darm record --json` has printed, in a sentence: the measurement, the error, or both.
 fn sentence(printed: &str) -> String {
     let mut sentences = Vec::new();
@@ -230,7 +290,67 @@ fn sentence(printed: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{data_file, is_name, sentence};
+    use std::path::Path;
+    use std::process::Command;
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicBool, Ordering};
+    use std::time::Duration;
+
+    use super::{RecordSetup, Recordings, data_file, is_name, sentence};
+    use crate::control::GrantNumber;
+
+    /// Recordings whose command is this one.
+    fn recordings(folder: &Path, command: impl Fn() -> Command + Send + Sync + 'static) -> Arc<Recordings> {
+        let setup = RecordSetup { folder: folder.to_owned(), command: Box::new(move |_| command()) };
+        Arc::new(Recordings::new(Some(setup)))
+    }
+
+    fn files(folder: &Path) -> Vec<String> {
+        let entries = std::fs::read_dir(folder).unwrap();
+        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
+    }
+
+    #[test]
+    fn a_recording_that_does_not_start_leaves_no_file_and_its_name_is_free() {
+        let folder = tempfile::tempdir().unwrap();
+        let is_there = Arc::new(AtomicBool::new(false));
+        let there = Arc::clone(&is_there);
+        let name = move || if there.load(Ordering::Relaxed) { "true" } else { "/no/such/command" };
+        let recordings = recordings(folder.path(), move || Command::new(name()));
+        let start = || recordings.start(GrantNumber(1), "run-1", b"table", "visits");
+        assert!(start().unwrap_err().text.contains("does not start"));
+        assert_eq!(files(folder.path()), [""; 0]);
+        is_there.store(true, Ordering::Relaxed);
+        start().unwrap();
+        while recordings.view().unwrap().last.is_none_or(|last| last.is_running) {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        assert!(start().unwrap_err().text.contains("exists"));
+    }
+
+    /// Two at once have no other lock than that of the state.
+    #[test]
+    fn a_recording_does_not_start_while_another_one_does() {
+        let folder = tempfile::tempdir().unwrap();
+        let slow = || {
+            std::thread::sleep(Duration::from_millis(200));
+            let mut command = Command::new("sleep");
+            command.arg("1");
+            command
+        };
+        let recordings = recordings(folder.path(), slow);
+        let all: Vec<_> = (0..4)
+            .map(|k| {
+                let recordings = Arc::clone(&recordings);
+                std::thread::spawn(move || recordings.start(GrantNumber(1), &format!("run-{k}"), b"table", "visits"))
+            })
+            .collect();
+        let outcomes: Vec<_> = all.into_iter().map(|start| start.join().unwrap()).collect();
+        assert_eq!(outcomes.iter().filter(|outcome| outcome.is_ok()).count(), 1, "{outcomes:?}");
+        let refused = outcomes.iter().filter_map(|outcome| outcome.as_ref().err());
+        assert!(refused.into_iter().all(|refused| refused.text.contains("is being recorded")), "{outcomes:?}");
+        assert_eq!(files(folder.path()).len(), 2);
+    }
 
     #[test]
     fn a_name_leads_nowhere_else() {
