@@ -43,7 +43,7 @@ use serde_json::json;
 
 use crate::attached::PageId;
 use crate::console::ConsoleLine;
-use crate::control::{GrantNumber, LEASE};
+use crate::control::{Grant, GrantNumber, LEASE};
 use crate::hub::Hub;
 use crate::order::Task;
 use crate::program::{Origin, Program};
@@ -223,9 +223,20 @@ pub(crate) enum ControlRequest {
 pub(crate) struct Granted {
     /// Number of the grant.
     #[serde(rename = "page")]
-    grant: Option<GrantNumber>,
+    number: Option<GrantNumber>,
     key: Option<String>,
     lease_s: f64,
+}
+
+impl Granted {
+    /// The answer to a request that grants nothing.
+    const NOTHING: Self = Self { number: None, key: None, lease_s: LEASE.as_secs_f64() };
+}
+
+impl From<Grant> for Granted {
+    fn from(Grant { number, key }: Grant) -> Self {
+        Self { number: Some(number), key: Some(format!("{key:016x}")), ..Self::NOTHING }
+    }
 }
 
 pub(crate) async fn control(
@@ -233,41 +244,55 @@ pub(crate) async fn control(
     headers: HeaderMap,
     Json(request): Json<ControlRequest>,
 ) -> Answer<Granted> {
-    let granted = |grant, key| Json(Granted { grant, key, lease_s: LEASE.as_secs_f64() });
-    match request {
+    let key = || key(&headers);
+    let changed = |()| Granted::NOTHING;
+    let granted = match request {
         ControlRequest::Take { page } => {
             let name = hub.page_name(page);
-            let grant = hub.control(|control, now| control.take(now, rand::random(), &name))?;
-            Ok(granted(Some(grant.number), Some(format!("{:016x}", grant.key))))
+            hub.control(|control, now| control.take(now, rand::random(), &name))?.into()
         }
         ControlRequest::Ask { page } => {
             let name = hub.page_name(page);
-            let grant = hub.control(|control, now| control.ask(now, rand::random(), &name))?;
-            Ok(granted(Some(grant.number), Some(format!("{:016x}", grant.key))))
-        }
-        ControlRequest::Renew | ControlRequest::HandOver => {
-            let (key, is_renewal) = (key(&headers)?, matches!(request, ControlRequest::Renew));
-            hub.control(|control, now| if is_renewal { control.renew(now, key) } else { control.hand_over(now, key) })?;
-            Ok(granted(None, None))
+            hub.control(|control, now| control.ask(now, rand::random(), &name))?.into()
         }
         ControlRequest::Resume => {
-            let key = key(&headers)?;
-            let grant = hub.control(|control, now| control.resume(now, key, rand::random()))?;
-            Ok(granted(Some(grant.number), Some(format!("{:016x}", grant.key))))
+            let key = key()?;
+            hub.control(|control, now| control.resume(now, key, rand::random()))?.into()
         }
-        ControlRequest::Release | ControlRequest::Leave | ControlRequest::Refuse => {
-            let key = key(&headers)?;
+        ControlRequest::Renew => {
+            let key = key()?;
+            hub.control(|control, now| control.renew(now, key)).map(changed)?
+        }
+        ControlRequest::HandOver => {
+            let key = key()?;
+            hub.control(|control, now| control.hand_over(now, key)).map(changed)?
+        }
+        ControlRequest::Refuse => {
+            let key = key()?;
             hub.control(|control, now| {
-                match request {
-                    ControlRequest::Leave => control.leave(now, key),
-                    ControlRequest::Refuse => control.refuse(now, key),
-                    _ => control.release(key),
-                }
+                control.refuse(now, key);
                 Ok(())
-            })?;
-            Ok(granted(None, None))
+            })
+            .map(changed)?
         }
-    }
+        ControlRequest::Leave => {
+            let key = key()?;
+            hub.control(|control, now| {
+                control.leave(now, key);
+                Ok(())
+            })
+            .map(changed)?
+        }
+        ControlRequest::Release => {
+            let key = key()?;
+            hub.control(|control, _| {
+                control.release(key);
+                Ok(())
+            })
+            .map(changed)?
+        }
+    };
+    Ok(Json(granted))
 }
 
 #[derive(Deserialize)]
