@@ -249,43 +249,43 @@ pub(crate) async fn control(
     let granted = match request {
         ControlRequest::Take { page } => {
             let name = hub.page_name(page);
-            hub.control(|control, now| control.take(now, rand::random(), &name))?.into()
+            hub.control(|control| control.take(rand::random(), &name))?.into()
         }
         ControlRequest::Ask { page } => {
             let name = hub.page_name(page);
-            hub.control(|control, now| control.ask(now, rand::random(), &name))?.into()
+            hub.control(|control| control.ask(rand::random(), &name))?.into()
         }
         ControlRequest::Resume => {
             let key = key()?;
-            hub.control(|control, now| control.resume(now, key, rand::random()))?.into()
+            hub.control(|control| control.resume(key, rand::random()))?.into()
         }
         ControlRequest::Renew => {
             let key = key()?;
-            hub.control(|control, now| control.renew(now, key)).map(changed)?
+            hub.control(|control| control.renew(key)).map(changed)?
         }
         ControlRequest::HandOver => {
             let key = key()?;
-            hub.control(|control, now| control.hand_over(now, key)).map(changed)?
+            hub.control(|control| control.hand_over(key)).map(changed)?
         }
         ControlRequest::Refuse => {
             let key = key()?;
-            hub.control(|control, now| {
-                control.refuse(now, key);
+            hub.control(|control| {
+                control.refuse(key);
                 Ok(())
             })
             .map(changed)?
         }
         ControlRequest::Leave => {
             let key = key()?;
-            hub.control(|control, now| {
-                control.leave(now, key);
+            hub.control(|control| {
+                control.leave(key);
                 Ok(())
             })
             .map(changed)?
         }
         ControlRequest::Release => {
             let key = key()?;
-            hub.control(|control, _| {
+            hub.control(|control| {
                 control.release(key);
                 Ok(())
             })
@@ -333,8 +333,7 @@ impl Named {
 }
 
 pub(crate) async fn open(State(hub): Shared, Query(named): Query<Named>, bytes: Bytes) -> Answer<u64> {
-    hub.set_program(Arc::new(Program::open(&named.shown(), &bytes)?));
-    Ok(Json(hub.view().program))
+    Ok(Json(hub.set_program(Arc::new(Program::open(&named.shown(), &bytes)?))))
 }
 
 /// A table is recorded with its visit file: from here on as one that the server made.
@@ -349,8 +348,7 @@ pub(crate) async fn open_visits(State(hub): Shared, Query(named): Query<Named>, 
     let model = own.map(|wired| wired.arm.model.number);
     let origin = Origin { visits_name, n_visits: visits.rests.len(), diagnosed: None, model };
     let program = Program::open(&program.view.name, &program.bytes)?.with_visits(origin, text);
-    hub.set_program(Arc::new(program));
-    Ok(Json(hub.view().program))
+    Ok(Json(hub.set_program(Arc::new(program))))
 }
 
 #[derive(Deserialize)]

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Sender;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use darm_arm::wired_arm::WiredArm;
@@ -14,7 +14,7 @@ use tokio::sync::{oneshot, watch};
 use crate::attached::{Attached, PageId};
 use crate::board_port::Stopper;
 use crate::console::{Console, ConsoleLine};
-use crate::control::{Control, ControlError};
+use crate::control::{Control, ControlAt, ControlError};
 use crate::history::History;
 use crate::measured::Measured;
 use crate::order::{Order, Task};
@@ -58,16 +58,36 @@ struct State {
     samples: Samples,
     /// Name of the port that was opened last; empty before.
     port: String,
-    picture: (u64, Option<Arc<Result<Picture, String>>>),
-    program: (u64, Option<Arc<Program>>),
+    picture: Revised<Result<Picture, String>>,
+    program: Revised<Program>,
     measured: Measured,
 }
 
 impl State {
     /// Where the model has the tool in the posture of the picture.
     fn predicted(&self) -> Option<Tool> {
-        let picture = self.picture.1.as_deref()?.as_ref().ok()?;
+        let picture = self.picture.value.as_deref()?.as_ref().ok()?;
         Some(picture.tool)
+    }
+}
+
+/// A value that pages fetch when its number has changed.
+struct Revised<T> {
+    /// 0 before the first value.
+    number: u64,
+    value: Option<Arc<T>>,
+}
+
+impl<T> Default for Revised<T> {
+    fn default() -> Self {
+        Self { number: 0, value: None }
+    }
+}
+
+impl<T> Revised<T> {
+    fn set(&mut self, value: Arc<T>) {
+        self.number += 1;
+        self.value = Some(value);
     }
 }
 
@@ -94,8 +114,8 @@ impl Hub {
             console: Console::default(),
             samples: Samples::default(),
             port: String::new(),
-            picture: (0, None),
-            program: (0, None),
+            picture: Revised::default(),
+            program: Revised::default(),
             measured: Measured::default(),
         };
         Self {
@@ -137,21 +157,18 @@ impl Hub {
 
     /// Whether this is the key of the page with control.
     pub(crate) fn controls(&self, key: u64) -> bool {
-        self.state().control.check(Instant::now(), key).is_ok()
+        // Control that has run out by itself: the watcher notices it within its period, and wakes pages.
+        self.change_quietly(|state| state.control.at(Instant::now()).check(key).is_ok())
     }
 
-    /// Whether a page has gone with its control since this was asked last.
-    pub(crate) fn is_abandoned(&self) -> bool {
-        let is_abandoned = self.state().control.take_abandoned(Instant::now());
-        if is_abandoned {
-            self.wake();
-        }
-        is_abandoned
+    /// Whether a page has gone with its control since this was called last.
+    pub(crate) fn take_abandoned(&self) -> bool {
+        self.change_if(|state| state.control.at(Instant::now()).take_abandoned())
     }
 
     /// Whether the board has said last that it is moved by hand, and by no program.
     pub(crate) fn is_by_hand(&self) -> bool {
-        self.state().board.as_ref().is_some_and(|board| board.phase.name == "manual")
+        self.read(|state| state.board.as_ref().is_some_and(|board| board.phase.name == "manual"))
     }
 
     /// Queues an order of the page with this key, or one that needs no control; its result comes through the receiver. `known_stops` is
@@ -164,7 +181,7 @@ impl Hub {
     ) -> Result<oneshot::Receiver<Result<(), Refused>>, Refused> {
         let stops = known_stops.unwrap_or_else(|| self.stops.count());
         if let Some(key) = key {
-            self.control(|control, now| control.check(now, key))?;
+            self.control(|control| control.check(key))?;
         }
         let (answer, answered) = oneshot::channel();
         let order = Order { task, key, stops, made: Instant::now(), answer };
@@ -175,79 +192,75 @@ impl Hub {
     /// Changes or asks who controls the arm.
     pub(crate) fn control<T>(
         &self,
-        act: impl FnOnce(&mut Control, Instant) -> Result<T, ControlError>,
+        act: impl FnOnce(&mut ControlAt<'_>) -> Result<T, ControlError>,
     ) -> Result<T, ControlError> {
-        let done = act(&mut self.state().control, Instant::now());
-        self.wake();
-        done
+        self.change(|state| act(&mut state.control.at(Instant::now())))
     }
 
     /// A page says that it is there.
     pub(crate) fn see_page(&self, id: PageId, name: &str) {
-        let has_changed = self.state().attached.see(Instant::now(), id, name);
-        if has_changed {
-            self.wake();
-        }
+        self.change_if(|state| state.attached.see(Instant::now(), id, name));
     }
 
     /// What a page is called that has said that it is there; else nothing.
     pub(crate) fn page_name(&self, id: Option<PageId>) -> String {
-        id.and_then(|id| self.state().attached.name(id)).unwrap_or_default()
+        id.and_then(|id| self.read(|state| state.attached.name(id))).unwrap_or_default()
     }
 
     /// A page has typed a line.
     pub(crate) fn typed(&self, line: &str) {
-        self.state().console.typed(line);
-        self.wake();
+        self.change(|state| state.console.typed(line));
     }
 
     /// The board has sent text.
     pub(crate) fn hear_text(&self, bytes: &[u8]) {
-        let has_line = self.state().console.hear(bytes);
-        if has_line {
-            self.wake();
-        }
+        self.change_if(|state| state.console.hear(bytes));
     }
 
     /// What was seen, from the sample with this number on.
     pub(crate) fn samples(&self, from: u64) -> SamplesView {
-        self.state().samples.from(from)
+        self.read(|state| state.samples.from(from))
     }
 
     /// Lines of the console from this number on.
     pub(crate) fn console(&self, from: u64) -> Vec<ConsoleLine> {
-        self.state().console.from(from)
+        self.read(|state| state.console.from(from))
     }
 
     /// What pages show now.
     pub(crate) fn view(&self) -> LiveView {
-        let (state, now) = (self.state(), Instant::now());
-        let age = state.seen.map(|seen| now.saturating_duration_since(seen));
-        let is_old = age.is_none_or(|age| age > LIVE);
-        let link = if state.link == LinkView::Live && is_old { LinkView::Silent } else { state.link.clone() };
-        let predicted = state.predicted();
-        LiveView {
-            revision: *self.revision.borrow(),
-            link,
-            port: state.port.clone(),
-            stops: self.stops.count(),
-            age_s: age.map(|age| age.as_secs_f64()),
-            control: state.control.holder(now).map(|holder| ControlView {
+        let now = Instant::now();
+        // Control that has run out by itself, as in `controls`.
+        self.change_quietly(|state| {
+            let age = state.seen.map(|seen| now.saturating_duration_since(seen));
+            let is_old = age.is_none_or(|age| age > LIVE);
+            let link = if state.link == LinkView::Live && is_old { LinkView::Silent } else { state.link.clone() };
+            let predicted = state.predicted();
+            let control = state.control.at(now);
+            let control = control.holder().map(|holder| ControlView {
                 grant: holder.grant.number,
                 name: holder.name.clone(),
                 is_program: holder.is_program,
-                asked_by: state.control.asking(now).map(str::to_owned),
-            }),
-            attached: state.attached.view(now),
-            picture: state.picture.0,
-            program: state.program.0,
-            upload: state.upload,
-            recordings: self.recordings.view(),
-            console: state.console.count(),
-            measured: state.measured.view(predicted.as_ref(), unix_time::now_s()),
-            board: state.board.clone(),
-            events: state.events.iter().cloned().collect(),
-        }
+                asked_by: control.asking().map(str::to_owned),
+            });
+            LiveView {
+                revision: *self.revision.borrow(),
+                link,
+                port: state.port.clone(),
+                stops: self.stops.count(),
+                age_s: age.map(|age| age.as_secs_f64()),
+                control,
+                attached: state.attached.view(now),
+                picture: state.picture.number,
+                program: state.program.number,
+                upload: state.upload,
+                recordings: self.recordings.view(),
+                console: state.console.count(),
+                measured: state.measured.view(predicted.as_ref(), unix_time::now_s()),
+                board: state.board.clone(),
+                events: state.events.iter().cloned().collect(),
+            }
+        })
     }
 
     /// Waits until there is something newer than `revision`, at most this long.
@@ -259,44 +272,46 @@ impl Hub {
 
     /// The posture that the model predicts, or why it has none; `None` before the board has answered or without an arm.
     pub(crate) fn picture(&self) -> Option<Arc<Result<Picture, String>>> {
-        self.state().picture.1.clone()
+        self.read(|state| state.picture.value.clone())
     }
 
     /// The arm goes to another posture, where it is at rest after `travel_s`.
     pub(crate) fn set_picture(&self, picture: Result<Picture, String>, travel_s: f64) {
-        let mut state = self.state();
-        state.picture = (state.picture.0 + 1, Some(Arc::new(picture)));
-        state.measured.moves(unix_time::now_s() + travel_s);
+        // The answer of the board that it was drawn for follows: pages get both at once.
+        self.change_quietly(|state| {
+            state.picture.set(Arc::new(picture));
+            state.measured.moves(unix_time::now_s() + travel_s);
+        });
     }
 
-    /// Changes what was measured. Pages see it with the next state of the board, or when they ask again.
+    /// Changes what was measured.
     pub(crate) fn with_measured(&self, change: impl FnOnce(&mut Measured)) {
-        change(&mut self.state().measured);
+        // As often as a camera sends: pages see it with the next answer of the board, or when they ask again.
+        self.change_quietly(|state| change(&mut state.measured));
     }
 
     /// The opened table.
     pub(crate) fn program(&self) -> Option<Arc<Program>> {
-        self.state().program.1.clone()
+        self.read(|state| state.program.value.clone())
     }
 
-    pub(crate) fn set_program(&self, program: Arc<Program>) {
-        {
-            let mut state = self.state();
-            state.program = (state.program.0 + 1, Some(program));
-        }
-        self.wake();
+    /// A table is opened; its number.
+    pub(crate) fn set_program(&self, program: Arc<Program>) -> u64 {
+        self.change(|state| {
+            state.program.set(program);
+            state.program.number
+        })
     }
 
     /// The port of this name is open.
     pub(crate) fn set_open(&self, port: &str, handle: StopHandle) {
         self.stops.open(handle);
-        self.state().port = port.to_owned();
+        self.change(|state| state.port = port.to_owned());
     }
 
     /// The board has answered.
     pub(crate) fn set_board(&self, board: BoardView, new_events: Vec<EventView>) {
-        {
-            let mut state = self.state();
+        self.change(|state| {
             let predicted = state.predicted();
             let now_s = unix_time::now_s();
             let measured = state.measured.view(predicted.as_ref(), now_s);
@@ -305,28 +320,23 @@ impl Hub {
             let old = state.events.len().saturating_sub(EVENTS);
             state.events.drain(..old);
             (state.link, state.seen, state.board) = (LinkView::Live, Some(Instant::now()), Some(board));
-        }
-        self.wake();
+        });
     }
 
     /// The board started again: its events count from the beginning.
     pub(crate) fn forget_events(&self) {
-        self.state().events.clear();
+        // Its answer follows, with the events that are fetched again: no page sees none of them.
+        self.change_quietly(|state| state.events.clear());
     }
 
     /// The port is lost, or did not open.
     pub(crate) fn set_lost(&self, reason: String) {
         self.stops.close();
-        {
-            let mut state = self.state();
-            (state.link, state.upload) = (LinkView::Lost { reason }, None);
-        }
-        self.wake();
+        self.change(|state| (state.link, state.upload) = (LinkView::Lost { reason }, None));
     }
 
     pub(crate) fn set_upload(&self, upload: Option<UploadView>) {
-        self.state().upload = upload;
-        self.wake();
+        self.change(|state| state.upload = upload);
     }
 
     /// Watcher and server are to end.
@@ -338,44 +348,62 @@ impl Hub {
         self.has_ended.load(Ordering::Relaxed)
     }
 
-    fn wake(&self) {
-        self.revision.send_modify(|revision| *revision += 1);
+    /// Changes the state, and wakes pages that wait for news.
+    fn change<T>(&self, act: impl FnOnce(&mut State) -> T) -> T {
+        let done = self.change_quietly(act);
+        self.wake();
+        done
     }
 
-    fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    /// Changes the state, and wakes pages where `act` says that they see it.
+    fn change_if(&self, act: impl FnOnce(&mut State) -> bool) -> bool {
+        let is_news = self.change_quietly(act);
+        if is_news {
+            self.wake();
+        }
+        is_news
+    }
+
+    /// Changes the state and wakes nobody: each use says why.
+    fn change_quietly<T>(&self, act: impl FnOnce(&mut State) -> T) -> T {
+        act(&mut self.state.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    fn read<T>(&self, look: impl FnOnce(&State) -> T) -> T {
+        look(&self.state.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    fn wake(&self) {
+        self.revision.send_modify(|revision| *revision += 1);
     }
 }
 
 /// Programs that use the port of the server have the rights of a page; an order is one to the board itself.
 impl Rights for Hub {
     fn arrive(&self, guest: &Guest) {
-        self.state().attached.arrive(guest);
-        self.wake();
+        self.change(|state| state.attached.arrive(guest));
     }
 
     fn stay(&self, guest: &Guest) {
-        // One that has no control has none to keep.
-        let _ = self.state().control.renew(Instant::now(), guest.key);
+        // Nothing that pages show has changed. One that has no control has none to keep.
+        let _ = self.change_quietly(|state| state.control.at(Instant::now()).renew(guest.key));
     }
 
     fn take_control(&self, guest: &Guest) -> Result<(), String> {
-        let taken = self.control(|control, now| {
+        let taken = self.control(|control| {
             // What a page records moves the arm with its control; another page that has control is asked first, as by anybody.
-            if control.holder(now).is_some_and(|holder| self.recordings.is_for(guest.process, holder.grant.number)) {
+            if control.holder().is_some_and(|holder| self.recordings.is_for(guest.process, holder.grant.number)) {
                 return Ok(());
             }
-            control.take_as_program(now, guest.key, &guest.name)
+            control.take_as_program(guest.key, &guest.name)
         });
         taken.map_err(|error| error.to_string())
     }
 
     fn leave(&self, guest: &Guest) {
-        {
-            let mut state = self.state();
+        self.change(|state| {
             state.attached.leave(guest);
-            state.control.abandon(guest.key);
-        }
-        self.wake();
+            state.control.at(Instant::now()).abandon(guest.key);
+        });
     }
 }

@@ -129,9 +129,9 @@ async fn record(
 ) -> Result<Json<()>, Refused> {
     let (key, hub) = (key(&headers)?, requests.hub);
     let started = requests.files.run(move |work: &Work| {
-        let grant = hub.control(|control, now| {
-            control.check(now, key)?;
-            control.holder(now).map(|holder| holder.grant.number).ok_or(ControlError::Missing)
+        let grant = hub.control(|control| {
+            control.check(key)?;
+            control.holder().map(|holder| holder.grant.number).ok_or(ControlError::Missing)
         })?;
         let program = hub.program().filter(|program| program.view.digest.as_ref() == Some(&table));
         let other = "another table was opened meanwhile; look at it";

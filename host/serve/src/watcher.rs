@@ -88,7 +88,7 @@ impl Watcher {
         loop {
             let due = Instant::now() + PERIOD;
             // Before the look: it sees what the page has ordered last.
-            self.is_abandoned |= self.hub.is_abandoned();
+            self.is_abandoned |= self.hub.take_abandoned();
             match observer.look(client) {
                 Err(ClientError::Refused(Refusal::NotConnected)) => match self.say_hello(client) {
                     Ok(()) => observer = Observer::new(Arc::clone(&self.hub), client),
@@ -165,7 +165,7 @@ impl Watcher {
             return Err(Refused::new(Kind::Stopped, text));
         }
         if let Some(key) = order.key {
-            self.hub.control(|control, now| control.check(now, key))?;
+            self.hub.control(|control| control.check(key))?;
         }
         if order.made.elapsed() > PATIENCE {
             return Err(Refused::new(Kind::Link, "the board did not answer in time; nothing was sent"));
