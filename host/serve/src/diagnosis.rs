@@ -17,7 +17,6 @@ mod view;
 
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Instant;
 
 use axum::extract::{DefaultBodyLimit, FromRef, State};
 use axum::routing::{get, post};
@@ -28,7 +27,7 @@ use darm_diagnose::progress::{Progress, Stage};
 use serde::{Deserialize, Serialize};
 
 use crate::hub::Hub;
-use crate::job_queue::{JobQueue, Work};
+use crate::job_queue::{JobQueue, Running, Work};
 use crate::made_table::{self, TableView, Visited};
 use crate::refusal::{Kind, Refused};
 use crate::upload::{MAX_FILES, Upload};
@@ -42,6 +41,7 @@ use view::{Corrected, ResultView};
 struct Diagnoses {
     known: Mutex<Known>,
     hub: Arc<Hub>,
+    runs: JobQueue,
     tables: JobQueue,
     logs: JobQueue,
     models: JobQueue,
@@ -56,17 +56,10 @@ impl FromRef<Arc<Diagnoses>> for UploadMemory {
 
 #[derive(Default)]
 struct Known {
-    running: Option<Running>,
     last: Option<ResultView>,
     /// What the next measurement of the last result is made from; none of a model that is no arm of words.
     next: Option<Next>,
     n_finished: u64,
-}
-
-struct Running {
-    files: String,
-    since: Instant,
-    progress: Progress,
 }
 
 /// What the next measurement is made from.
@@ -127,14 +120,13 @@ pub(crate) fn router(hub: Arc<Hub>) -> Router {
 }
 
 async fn status(State(diagnoses): Shared) -> Json<StatusView> {
-    let known = diagnoses.known();
-    let running = known.running.as_ref().map(|running| RunningView {
-        files: running.files.clone(),
+    let running = diagnoses.runs.look(|running| RunningView {
+        files: files_of(running).to_owned(),
         stage: running.progress.stage(),
         tried: running.progress.n_tried(),
-        for_s: running.since.elapsed().as_secs_f64(),
+        for_s: running.for_s(),
     });
-    Json(StatusView { running, finished: known.n_finished })
+    Json(StatusView { running, finished: diagnoses.known().n_finished })
 }
 
 async fn result(State(diagnoses): Shared) -> Json<Option<ResultView>> {
@@ -157,21 +149,34 @@ async fn look(State(diagnoses): Shared, body: UploadBody) -> Result<Json<LogView
     diagnoses.logs.run(view).await.map(Json)
 }
 
-async fn run(State(diagnoses): Shared, body: UploadBody) -> Result<Json<ResultView>, Refused> {
-    let progress = Progress::default();
-    // Before anything is read: what is refused, or left by its page, is not work that waits for a thread.
-    let place = Place::take(&diagnoses, &progress)?;
-    // Dropped with this request, when the page leaves.
-    let _request = GiveUp(progress.clone());
-    let work = move || {
-        let upload = Upload::parse(&body.bytes)?;
-        let sources = Sources::of(&diagnoses.hub, &upload)?;
-        place.name(sources.to_string());
-        place.diagnose(&sources, &progress)
+/// What is diagnosed, also before the files were read.
+fn files_of(running: &Running) -> &str {
+    running.name.as_deref().unwrap_or("files that were just sent")
+}
+
+/// Why another diagnosis does not begin while this one runs.
+fn busy(running: Option<&Running>) -> Refused {
+    let text = match running {
+        Some(running) if !running.progress.is_cancelled() => {
+            format!("the diagnosis of {} is running, one at a time; wait for it, or close its page", files_of(running))
+        }
+        Some(running) => {
+            format!("the diagnosis of {} is just being given up; try again in a moment", files_of(running))
+        }
+        None => "another diagnosis is just ending; try again in a moment".to_owned(),
     };
-    #[expect(clippy::disallowed_methods, reason = "it has the one place of diagnoses, and ends when its page leaves")]
-    let result = tokio::task::spawn_blocking(work);
-    result.await.map_err(|error| Refused::new(Kind::Refused, format!("the diagnosis failed: {error}")))?.map(Json)
+    Refused::new(Kind::Refused, text)
+}
+
+async fn run(State(diagnoses): Shared, body: UploadBody) -> Result<Json<ResultView>, Refused> {
+    let own = Arc::clone(&diagnoses);
+    let work = move |work: &Work| {
+        let upload = Upload::parse(&body.bytes)?;
+        let sources = Sources::of(&own.hub, &upload)?;
+        work.is_called(sources.to_string());
+        own.diagnose(&sources, work.progress())
+    };
+    diagnoses.runs.run_at_once(busy, work).await.map(Json)
 }
 
 /// Opens the table too, as a page does with a file: nothing is sent to the board.
@@ -193,50 +198,15 @@ async fn make_table(State(diagnoses): Shared, Json(request): Json<TableRequest>)
     made.await.map(Json)
 }
 
-/// Gives a diagnosis up when it is dropped; one that is finished does not notice.
-struct GiveUp(Progress);
-
-impl Drop for GiveUp {
-    fn drop(&mut self) {
-        self.0.cancel();
-    }
-}
-
 impl Diagnoses {
     fn new(hub: Arc<Hub>) -> Self {
         let (known, memory) = (Mutex::default(), UploadMemory::new());
-        let [tables, logs, models] = [(); 3].map(|()| JobQueue::new());
-        Self { known, hub, tables, logs, models, memory }
+        let [runs, tables, logs, models] = [(); 4].map(|()| JobQueue::new());
+        Self { known, hub, runs, tables, logs, models, memory }
     }
 
     fn known(&self) -> MutexGuard<'_, Known> {
         self.known.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-/// The only place for a running diagnosis; it is free again when this is dropped.
-struct Place(Arc<Diagnoses>);
-
-impl Place {
-    fn take(diagnoses: &Arc<Diagnoses>, progress: &Progress) -> Result<Self, Refused> {
-        let mut known = diagnoses.known();
-        if let Some(Running { files, progress, .. }) = &known.running {
-            let text = match progress.is_cancelled() {
-                true => format!("the diagnosis of {files} is just being given up; try again in a moment"),
-                false => format!("the diagnosis of {files} is running, one at a time; wait for it, or close its page"),
-            };
-            return Err(Refused::new(Kind::Refused, text));
-        }
-        let files = "files that were just sent".into();
-        known.running = Some(Running { files, since: Instant::now(), progress: progress.clone() });
-        Ok(Self(Arc::clone(diagnoses)))
-    }
-
-    /// Says which files are diagnosed.
-    fn name(&self, files: String) {
-        if let Some(running) = &mut self.0.known().running {
-            running.files = files;
-        }
     }
 
     fn diagnose(&self, sources: &Sources<'_>, progress: &Progress) -> Result<ResultView, Refused> {
@@ -245,24 +215,18 @@ impl Place {
         let corrected = corrected.map(|(number, text)| Corrected::new(&sources.model, number, text));
         let corrected_arm = found.corrected_arm(Keep::Effects);
         let corrected_digest = corrected_arm.as_ref().map(|arm| arm.hash().to_string());
-        self.0.record(sources, &found, corrected.as_ref(), corrected_digest);
+        self.record(sources, &found, corrected.as_ref(), corrected_digest);
         let words = found.diagnosis.next_measurement.as_ref().map_or_else(Vec::new, |next| next.words.clone());
         let next = corrected_arm.or_else(|| found.arm().cloned()).map(|arm| Next {
             arm,
             words,
             diagnosed: sources.to_string(),
         });
-        let mut known = self.0.known();
+        let mut known = self.known();
         known.n_finished += 1;
         let result = ResultView::new(sources, &found, corrected, known.n_finished);
         known.next = next;
         known.last = Some(result.clone());
         Ok(result)
-    }
-}
-
-impl Drop for Place {
-    fn drop(&mut self) {
-        self.0.known().running = None;
     }
 }

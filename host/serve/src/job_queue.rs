@@ -3,12 +3,13 @@
 //! Whatever a request does in a thread goes through a queue: the threads of the runtime are many, and what waits for one of them
 //! is run after its page has left. A piece that nobody waits for keeps the place until it notices, so that it counts like another.
 
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
+use darm_diagnose::progress::Progress;
 use serde::Serialize;
-use tokio::sync::Semaphore;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use crate::refusal::{Kind, Refused};
 
@@ -19,13 +20,24 @@ const MAX_WAITING: usize = 8;
 pub(crate) struct JobQueue {
     place: Arc<Semaphore>,
     waiting: AtomicUsize,
-    progress: Arc<Mutex<Option<Running>>>,
+    running: Arc<Mutex<Option<Running>>>,
 }
 
-struct Running {
+/// The piece of work that has the place.
+pub(crate) struct Running {
+    /// What it works on, as far as it has said so.
+    pub(crate) name: Option<String>,
     stage: &'static str,
     share: f64,
     since: Instant,
+    /// That of a diagnosis has its stages; of other work it only says whether it was given up.
+    pub(crate) progress: Progress,
+}
+
+impl Running {
+    pub(crate) fn for_s(&self) -> f64 {
+        self.since.elapsed().as_secs_f64()
+    }
 }
 
 /// How far the work is.
@@ -51,23 +63,27 @@ impl From<Unwanted> for Refused {
 /// What work says about itself, and whether it is still wanted.
 #[derive(Clone)]
 pub(crate) struct Work {
-    is_unwanted: Arc<AtomicBool>,
-    progress: Arc<Mutex<Option<Running>>>,
+    progress: Progress,
+    running: Arc<Mutex<Option<Running>>>,
 }
 
 impl JobQueue {
     pub(crate) fn new() -> Self {
-        Self { place: Arc::new(Semaphore::new(1)), waiting: AtomicUsize::new(0), progress: Arc::default() }
+        Self { place: Arc::new(Semaphore::new(1)), waiting: AtomicUsize::new(0), running: Arc::default() }
     }
 
     /// How far the running piece is.
     pub(crate) fn running(&self) -> Option<RunningView> {
-        let view = |running: &Running| RunningView {
+        self.look(|running| RunningView {
             stage: running.stage,
             share: Some(running.share).filter(|share| *share > 0.0),
-            for_s: running.since.elapsed().as_secs_f64(),
-        };
-        lock(&self.progress).as_ref().map(view)
+            for_s: running.for_s(),
+        })
+    }
+
+    /// Looks at the running piece, if there is one.
+    pub(crate) fn look<T>(&self, look: impl FnOnce(&Running) -> T) -> Option<T> {
+        lock(&self.running).as_ref().map(look)
     }
 
     /// Runs work when its turn comes. Where this future is dropped, the work does not begin, or hears that it is unwanted.
@@ -80,23 +96,52 @@ impl JobQueue {
         work: impl FnOnce(&Work) -> Result<T, Refused> + Send + 'static,
     ) -> Result<T, Refused> {
         let waiting = Waiting::enter(&self.waiting)?;
-        let closed = |error: &dyn std::fmt::Display| Refused::new(Kind::Refused, format!("the work failed: {error}"));
-        let place = Arc::clone(&self.place).acquire_owned().await.map_err(|error| closed(&error))?;
+        let place = Arc::clone(&self.place).acquire_owned().await.map_err(failed)?;
         drop(waiting);
-        let own = Work { is_unwanted: Arc::default(), progress: Arc::clone(&self.progress) };
-        let _request = GiveUp(Arc::clone(&own.is_unwanted));
+        self.run_in(place, work).await
+    }
+
+    /// Runs work at once or not at all, for work that is too long to wait for. As [`run`](Self::run) otherwise.
+    ///
+    /// # Errors
+    ///
+    /// `refusal` where another piece runs, which may end meanwhile; else as [`run`](Self::run).
+    pub(crate) async fn run_at_once<T: Send + 'static>(
+        &self,
+        refusal: impl FnOnce(Option<&Running>) -> Refused,
+        work: impl FnOnce(&Work) -> Result<T, Refused> + Send + 'static,
+    ) -> Result<T, Refused> {
+        match Arc::clone(&self.place).try_acquire_owned() {
+            Ok(place) => self.run_in(place, work).await,
+            Err(_) => Err(refusal(lock(&self.running).as_ref())),
+        }
+    }
+
+    async fn run_in<T: Send + 'static>(
+        &self,
+        place: OwnedSemaphorePermit,
+        work: impl FnOnce(&Work) -> Result<T, Refused> + Send + 'static,
+    ) -> Result<T, Refused> {
+        let own = Work { progress: Progress::default(), running: Arc::clone(&self.running) };
+        let _request = GiveUp(own.progress.clone());
+        let (stage, share, since) = ("start", 0.0, Instant::now());
+        *lock(&self.running) = Some(Running { name: None, stage, share, since, progress: own.progress.clone() });
+        let running = Ended(Arc::clone(&self.running));
         let run = move || {
-            let _place = place;
-            let _running = Ended(Arc::clone(&own.progress));
-            *lock(&own.progress) = Some(Running { stage: "start", share: 0.0, since: Instant::now() });
+            // The place is free after nothing is said to run.
+            let (_place, _running) = (place, running);
             let done = work(&own);
             give_back_memory();
             done
         };
         #[expect(clippy::disallowed_methods, reason = "the one place that begins work, with a place in the queue")]
         let done = tokio::task::spawn_blocking(run);
-        done.await.map_err(|error| closed(&error))?
+        done.await.map_err(failed)?
     }
+}
+
+fn failed(error: impl std::fmt::Display) -> Refused {
+    Refused::new(Kind::Refused, format!("the work failed: {error}"))
 }
 
 /// Gives memory that is free back to the system. A table leaves it in small pieces when it was taken apart, and the allocator of glibc
@@ -113,12 +158,26 @@ impl Work {
     /// Work that nobody waits for.
     #[cfg(test)]
     pub(crate) fn unwanted() -> Self {
-        Self { is_unwanted: Arc::new(AtomicBool::new(true)), progress: Arc::default() }
+        let own = Self { progress: Progress::default(), running: Arc::default() };
+        own.progress.cancel();
+        own
     }
 
     /// Whether the page still waits for it.
     pub(crate) fn is_wanted(&self) -> bool {
-        !self.is_unwanted.load(Ordering::Relaxed)
+        !self.progress.is_cancelled()
+    }
+
+    /// The progress for a diagnosis, which is given up with the work.
+    pub(crate) fn progress(&self) -> &Progress {
+        &self.progress
+    }
+
+    /// Says what it works on.
+    pub(crate) fn is_called(&self, name: String) {
+        if let Some(running) = lock(&self.running).as_mut() {
+            running.name = Some(name);
+        }
     }
 
     /// An error once nobody waits for it.
@@ -132,18 +191,18 @@ impl Work {
 
     /// The work is at this stage, of which this share is done.
     pub(crate) fn is_at(&self, stage: &'static str, share: f64) {
-        if let Some(running) = lock(&self.progress).as_mut() {
+        if let Some(running) = lock(&self.running).as_mut() {
             (running.stage, running.share) = (stage, share);
         }
     }
 }
 
 /// Makes work unwanted when it is dropped; work that has ended does not notice.
-struct GiveUp(Arc<AtomicBool>);
+struct GiveUp(Progress);
 
 impl Drop for GiveUp {
     fn drop(&mut self) {
-        self.0.store(true, Ordering::Relaxed);
+        self.0.cancel();
     }
 }
 
@@ -175,8 +234,8 @@ impl Drop for Waiting<'_> {
     }
 }
 
-fn lock(progress: &Mutex<Option<Running>>) -> MutexGuard<'_, Option<Running>> {
-    progress.lock().unwrap_or_else(PoisonError::into_inner)
+fn lock(running: &Mutex<Option<Running>>) -> MutexGuard<'_, Option<Running>> {
+    running.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]
@@ -186,6 +245,7 @@ mod tests {
     use std::time::Duration;
 
     use super::{JobQueue, MAX_WAITING};
+    use crate::refusal::{Kind, Refused};
 
     fn runtime() -> tokio::runtime::Runtime {
         tokio::runtime::Builder::new_current_thread().enable_time().build().unwrap()
@@ -214,6 +274,40 @@ mod tests {
         });
         assert_eq!(begun.load(Ordering::Relaxed), 1);
         assert!(queue.running().is_none());
+    }
+
+    #[test]
+    fn work_that_runs_at_once_or_not_at_all_is_refused_by_the_name_of_what_runs() {
+        let queue = JobQueue::new();
+        let endless = queue.run(|work| {
+            work.is_called("long".to_owned());
+            while work.is_wanted() {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            Ok(())
+        });
+        let name = |running: Option<&super::Running>| running.and_then(|running| running.name.clone());
+        let refusal = |running: Option<&_>| Refused::new(Kind::Refused, name(running).unwrap_or_default());
+        runtime().block_on(async {
+            let patience = Duration::from_millis(30);
+            assert!(tokio::time::timeout(patience, endless).await.is_err());
+            // It notices a moment later that its page has left.
+            let next = queue.run_at_once(refusal, |_| Ok(7)).await;
+            assert!(next.as_ref().is_ok_and(|done| *done == 7) || next.is_err_and(|refused| refused.text == "long"));
+            assert_eq!(queue.run(|_| Ok(8)).await.ok(), Some(8));
+            let busy = queue.run(|work| {
+                work.is_called("short".to_owned());
+                std::thread::sleep(Duration::from_millis(100));
+                Ok(())
+            });
+            let other = async {
+                tokio::time::sleep(patience).await;
+                queue.run_at_once(refusal, |_| Ok(())).await
+            };
+            let (busy, other) = tokio::join!(busy, other);
+            assert!(busy.is_ok() && other.is_err_and(|refused| refused.text == "short"));
+            assert_eq!(queue.run_at_once(refusal, |_| Ok(9)).await.ok(), Some(9));
+        });
     }
 
     #[test]
