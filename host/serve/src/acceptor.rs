@@ -15,9 +15,9 @@ use std::time::Duration;
 use tokio::sync::Notify;
 
 /// Most connections in each of the two queues. With those that are answered they stay below the 1 024 files that a process has by default.
-const MAX_WAITING: usize = 128;
+const MAX_CONNECTIONS_WAITING: usize = 128;
 /// The operating system has no file descriptor left: another connection may end in this time.
-const RETRY: Duration = Duration::from_millis(100);
+const DESCRIPTOR_WAIT: Duration = Duration::from_millis(100);
 /// Longest time for the connection that ends the thread.
 const LAST: Duration = Duration::from_secs(1);
 /// The path of a stop.
@@ -78,12 +78,12 @@ impl Waiting {
     /// Appends a connection; the one that lost its place to it, if any did.
     fn add(&mut self, stream: TcpStream) -> Option<TcpStream> {
         self.others.push_back(stream);
-        let oldest = (self.others.len() > MAX_WAITING).then(|| self.others.pop_front())??;
+        let oldest = (self.others.len() > MAX_CONNECTIONS_WAITING).then(|| self.others.pop_front())??;
         if !is_stop(&oldest) {
             return Some(oldest);
         }
         self.stops.push_back(oldest);
-        (self.stops.len() > MAX_WAITING).then(|| self.stops.pop_front())?
+        (self.stops.len() > MAX_CONNECTIONS_WAITING).then(|| self.stops.pop_front())?
     }
 }
 
@@ -101,7 +101,7 @@ pub(crate) fn accept(listener: &TcpListener, accepted: &Accepted) {
         // Another thread only watches connections that never wait.
         match listener.accept().and_then(|(stream, _)| stream.set_nonblocking(true).map(|()| stream)) {
             Ok(stream) => accepted.add(stream),
-            Err(_) => thread::sleep(RETRY),
+            Err(_) => thread::sleep(DESCRIPTOR_WAIT),
         }
     }
 }
@@ -111,7 +111,7 @@ mod tests {
     use std::io::Write;
     use std::net::{TcpListener, TcpStream};
 
-    use super::{MAX_WAITING, Waiting};
+    use super::{MAX_CONNECTIONS_WAITING, Waiting};
 
     /// A client of `listener` that has sent `text`, and its connection.
     fn connect(listener: &TcpListener, text: &str) -> (TcpStream, TcpStream) {
@@ -130,7 +130,7 @@ mod tests {
         let mut clients = Vec::new();
         let mut ports = Vec::new();
         let mut closed = Vec::new();
-        for k in 0..MAX_WAITING + texts.len() {
+        for k in 0..MAX_CONNECTIONS_WAITING + texts.len() {
             let (client, stream) = connect(&listener, texts.get(k).copied().unwrap_or_default());
             ports.push(client.local_addr().unwrap());
             clients.push(client);
@@ -139,14 +139,14 @@ mod tests {
         assert_eq!(closed, [ports[0], ports[2], ports[3]]);
         assert_eq!(waiting.stops.len(), 1);
         assert_eq!(waiting.stops[0].peer_addr().unwrap(), ports[1]);
-        assert_eq!(waiting.others.len(), MAX_WAITING);
+        assert_eq!(waiting.others.len(), MAX_CONNECTIONS_WAITING);
         // Of more stops than there are places the oldest is closed.
-        for _ in 0..2 * MAX_WAITING {
+        for _ in 0..2 * MAX_CONNECTIONS_WAITING {
             let (client, stream) = connect(&listener, texts[1]);
             clients.push(client);
             waiting.add(stream);
         }
-        assert_eq!(waiting.stops.len(), MAX_WAITING);
+        assert_eq!(waiting.stops.len(), MAX_CONNECTIONS_WAITING);
         assert_ne!(waiting.stops[0].peer_addr().unwrap(), ports[1]);
     }
 }

@@ -51,9 +51,9 @@ use crate::refusal::{Kind, Refused};
 use crate::samples::SamplesView;
 
 /// A page gets an answer after this time, also where nothing has changed: it shows the age.
-const PATIENCE: Duration = Duration::from_millis(250);
+const NEWS_WAIT: Duration = Duration::from_millis(250);
 /// Longest name of a file that is shown.
-const MAX_NAME: usize = 100;
+const MAX_FILE_NAME: usize = 100;
 /// Longest name of a page.
 const MAX_PAGE_NAME: usize = 40;
 
@@ -79,7 +79,7 @@ pub(crate) struct After {
 }
 
 pub(crate) async fn live(State(hub): Shared, Query(After { after }): Query<After>) -> Response {
-    hub.news(after, PATIENCE).await;
+    hub.news(after, NEWS_WAIT).await;
     Json(hub.view()).into_response()
 }
 
@@ -328,7 +328,7 @@ pub(crate) struct Named {
 
 impl Named {
     fn shown(&self) -> String {
-        self.name.chars().filter(|c| !c.is_control()).take(MAX_NAME).collect()
+        self.name.chars().filter(|c| !c.is_control()).take(MAX_FILE_NAME).collect()
     }
 }
 

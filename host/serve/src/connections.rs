@@ -33,7 +33,7 @@ const MAX_KEPT: usize = 8;
 /// How long after a request of the page with control: it renews once a second.
 pub const KEPT: Duration = Duration::from_secs(3);
 /// A connection is closed when the headers of its next request, or the next part of a body, take longer.
-pub const PATIENCE: Duration = Duration::from_secs(10);
+pub const READ_TIMEOUT: Duration = Duration::from_secs(10);
 /// What still runs when the server ends is given this time.
 pub(crate) const ENDING: Duration = Duration::from_secs(2);
 /// Largest head of a request, and most of a connection that is read ahead, in bytes.
@@ -49,10 +49,10 @@ pub(crate) async fn serve(
     has_control: HasControl,
     mut ended: oneshot::Receiver<()>,
 ) {
-    let mut open = Open {
+    let mut table = Connections {
         router: TowerToHyperService::new(router),
         has_control,
-        connections: Vec::new(),
+        all: Vec::new(),
         has_ended: watch::Sender::new(false),
     };
     loop {
@@ -60,15 +60,15 @@ pub(crate) async fn serve(
             _ = &mut ended => break,
             stream = accepted.next() => {
                 // One that this thread cannot watch is closed.
-                let _ = TcpStream::from_std(stream).map(|stream| open.add(stream));
+                let _ = TcpStream::from_std(stream).map(|stream| table.add(stream));
                 // In a flood each is read before the next ones take its place.
                 tokio::task::yield_now().await;
             }
         }
     }
-    open.has_ended.send_replace(true);
+    table.has_ended.send_replace(true);
     let all = async {
-        for connection in open.connections {
+        for connection in table.all {
             let _ = connection.task.await;
         }
     };
@@ -76,25 +76,26 @@ pub(crate) async fn serve(
     let _ = tokio::time::timeout(ENDING, all).await;
 }
 
-/// The open connections.
-struct Open {
+/// The table of connections, in no order.
+struct Connections {
     router: TowerToHyperService<Router>,
     has_control: HasControl,
-    connections: Vec<Connection>,
+    all: Vec<Connection>,
     has_ended: watch::Sender<bool>,
 }
 
 struct Connection {
     task: JoinHandle<()>,
-    activity: Activity,
+    activity: SharedActivity,
 }
 
-/// What a connection does.
+/// What a connection does, as its task notes it and the table reads it.
 #[derive(Clone)]
-struct Activity(Arc<Mutex<Doing>>);
+struct SharedActivity(Arc<Mutex<Activity>>);
 
+/// What a connection does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Doing {
+struct Activity {
     /// It has a request that is not answered.
     has_request: bool,
     /// That is a stop.
@@ -105,23 +106,23 @@ struct Doing {
     of_control: Option<Instant>,
 }
 
-impl Open {
+impl Connections {
     fn add(&mut self, stream: TcpStream) {
-        self.connections.retain(|connection| !connection.task.is_finished());
-        if self.connections.len() >= MAX_CONNECTIONS {
+        self.all.retain(|connection| !connection.task.is_finished());
+        if self.all.len() >= MAX_CONNECTIONS {
             self.close_one();
         }
         // Where it fails answers come a little later.
         let _ = stream.set_nodelay(true);
-        let activity = Activity::new(Instant::now());
-        let service = Noted {
+        let activity = SharedActivity::new(Instant::now());
+        let service = Registered {
             inner: self.router.clone(),
             activity: activity.clone(),
             has_control: Arc::clone(&self.has_control),
         };
         let connection = http1::Builder::new()
             .timer(TokioTimer::new())
-            .header_read_timeout(PATIENCE)
+            .header_read_timeout(READ_TIMEOUT)
             .max_buf_size(BUFFER)
             .serve_connection(TokioIo::new(stream), service)
             .with_upgrades();
@@ -137,60 +138,76 @@ impl Open {
             connection.as_mut().graceful_shutdown();
             let _ = connection.await;
         });
-        self.connections.push(Connection { task, activity });
+        self.all.push(Connection { task, activity });
     }
 
     /// Closes the connection that is missed least.
     fn close_one(&mut self) {
-        let all: Vec<Doing> = self.connections.iter().map(|connection| *connection.activity.get()).collect();
+        let all: Vec<Activity> = self.all.iter().map(|connection| *connection.activity.get()).collect();
         if let Some(index) = first_to_close(&all, Instant::now()) {
-            self.connections.swap_remove(index).task.abort();
+            self.all.swap_remove(index).task.abort();
         }
     }
 }
 
 /// The connection that is missed least; `None` where all are those of the page with control, which are fewer than there are places.
-fn first_to_close(all: &[Doing], now: Instant) -> Option<usize> {
-    let is_recent = |doing: &Doing| doing.of_control.filter(|at| now.saturating_duration_since(*at) < KEPT);
-    let mut recent: Vec<Instant> = all.iter().filter_map(is_recent).collect();
+fn first_to_close(all: &[Activity], now: Instant) -> Option<usize> {
+    closable(all, now).min_by_key(|(_, activity)| activity.importance()).map(|(index, _)| index)
+}
+
+/// The connections that may be closed for another one, with their indices: all but the latest few of the page with control.
+fn closable(all: &[Activity], now: Instant) -> impl Iterator<Item = (usize, &Activity)> {
+    let mut recent: Vec<Instant> = all.iter().filter_map(|activity| activity.recent_control(now)).collect();
     recent.sort_unstable_by(|a, b| b.cmp(a));
     let kept_from = recent.get(MAX_KEPT - 1).or(recent.last()).copied();
-    let is_kept = |doing: &Doing| is_recent(doing).zip(kept_from).is_some_and(|(at, from)| at >= from);
-    let others = all.iter().enumerate().filter(|(_, doing)| !is_kept(doing));
-    others.min_by_key(|(_, doing)| (doing.is_stop, doing.has_request, doing.since)).map(|(index, _)| index)
+    let is_kept =
+        move |activity: &Activity| activity.recent_control(now).zip(kept_from).is_some_and(|(at, from)| at >= from);
+    all.iter().enumerate().filter(move |(_, activity)| !is_kept(activity))
 }
 
 impl Activity {
-    fn new(now: Instant) -> Self {
-        Self(Arc::new(Mutex::new(Doing { has_request: false, is_stop: false, since: now, of_control: None })))
+    /// When it carried a request of the page with control last, where that is not longer ago than it is kept for.
+    fn recent_control(&self, now: Instant) -> Option<Instant> {
+        self.of_control.filter(|at| now.saturating_duration_since(*at) < KEPT)
     }
 
-    fn get(&self) -> MutexGuard<'_, Doing> {
+    /// The least is closed first: one without a request before one with, a stop last, and of each the one that is in it longest.
+    fn importance(&self) -> (bool, bool, Instant) {
+        (self.is_stop, self.has_request, self.since)
+    }
+}
+
+impl SharedActivity {
+    fn new(now: Instant) -> Self {
+        Self(Arc::new(Mutex::new(Activity { has_request: false, is_stop: false, since: now, of_control: None })))
+    }
+
+    fn get(&self) -> MutexGuard<'_, Activity> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// A request begins.
     fn begin(&self, is_stop: bool, of_control: bool) {
-        let (mut doing, now) = (self.get(), Instant::now());
-        (doing.has_request, doing.is_stop, doing.since) = (true, is_stop, now);
-        doing.of_control = of_control.then_some(now).or(doing.of_control);
+        let (mut activity, now) = (self.get(), Instant::now());
+        (activity.has_request, activity.is_stop, activity.since) = (true, is_stop, now);
+        activity.of_control = of_control.then_some(now).or(activity.of_control);
     }
 
     /// It is answered.
     fn end(&self) {
-        let mut doing = self.get();
-        (doing.has_request, doing.is_stop, doing.since) = (false, false, Instant::now());
+        let mut activity = self.get();
+        (activity.has_request, activity.is_stop, activity.since) = (false, false, Instant::now());
     }
 }
 
-/// The router of one connection, which notes when a request begins and ends.
-struct Noted {
+/// The router of one connection, which registers when a request begins and ends.
+struct Registered {
     inner: TowerToHyperService<Router>,
-    activity: Activity,
+    activity: SharedActivity,
     has_control: HasControl,
 }
 
-impl Service<hyper::Request<Incoming>> for Noted {
+impl Service<hyper::Request<Incoming>> for Registered {
     type Response = axum::response::Response;
     type Error = std::convert::Infallible;
     type Future = std::pin::Pin<Box<dyn Future<Output = Result<Self::Response, Self::Error>> + Send>>;
@@ -211,25 +228,26 @@ impl Service<hyper::Request<Incoming>> for Noted {
 mod tests {
     use std::time::{Duration, Instant};
 
-    use super::{Doing, KEPT, MAX_KEPT, first_to_close};
+    use super::{Activity, KEPT, MAX_KEPT, first_to_close};
 
     #[test]
     fn connections_of_the_page_with_control_keep_their_places_and_running_stops_leave_last() {
         let now = Instant::now();
         let ago = |ms: u64| now.checked_sub(Duration::from_millis(ms)).unwrap();
-        let idle = |ms| Doing { has_request: false, is_stop: false, since: ago(ms), of_control: None };
-        let page = Doing { of_control: Some(ago(900)), ..idle(9_000) };
-        let stop = Doing { has_request: true, is_stop: true, ..idle(8_000) };
-        let busy = Doing { has_request: true, ..idle(7_000) };
+        let idle = |ms| Activity { has_request: false, is_stop: false, since: ago(ms), of_control: None };
+        let page = Activity { of_control: Some(ago(900)), ..idle(9_000) };
+        let stop = Activity { has_request: true, is_stop: true, ..idle(8_000) };
+        let busy = Activity { has_request: true, ..idle(7_000) };
         assert_eq!(first_to_close(&[page, stop, busy, idle(10), idle(20)], now), Some(4));
         assert_eq!(first_to_close(&[page, stop, busy], now), Some(2));
         // Stops of everybody else would take all places otherwise.
-        assert_eq!(first_to_close(&[page, stop, Doing { since: ago(8_001), ..stop }], now), Some(2));
+        assert_eq!(first_to_close(&[page, stop, Activity { since: ago(8_001), ..stop }], now), Some(2));
         assert_eq!(first_to_close(&[page], now), None);
-        let left = Doing { of_control: Some(now.checked_sub(KEPT).unwrap()), ..page };
+        let left = Activity { of_control: Some(now.checked_sub(KEPT).unwrap()), ..page };
         assert_eq!(first_to_close(&[left, stop, idle(10)], now), Some(0));
         // A page that opens more of them than a browser does keeps the latest.
-        let many: Vec<Doing> = (0..20).map(|k| Doing { of_control: Some(ago(100 + k)), ..idle(5_000 + k) }).collect();
+        let many: Vec<Activity> =
+            (0..20).map(|k| Activity { of_control: Some(ago(100 + k)), ..idle(5_000 + k) }).collect();
         assert_eq!(first_to_close(&many, now), Some(19));
         assert_eq!(first_to_close(&many[..MAX_KEPT], now), None);
     }

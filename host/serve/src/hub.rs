@@ -304,7 +304,7 @@ impl Hub {
     }
 
     /// The port of this name is open.
-    pub(crate) fn set_open(&self, port: &str, handle: StopHandle) {
+    pub(crate) fn set_port_open(&self, port: &str, handle: StopHandle) {
         self.stops.open(handle);
         self.change(|state| state.port = port.to_owned());
     }

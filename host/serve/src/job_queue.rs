@@ -14,7 +14,7 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use crate::refusal::{Kind, Refused};
 
 /// Requests that may wait for their turn: a page has one under way, and a browser six.
-const MAX_WAITING: usize = 8;
+const MAX_REQUESTS_WAITING: usize = 8;
 
 /// One piece of work at a time.
 pub(crate) struct JobQueue {
@@ -221,7 +221,7 @@ struct Waiting<'a>(&'a AtomicUsize);
 impl<'a> Waiting<'a> {
     fn enter(count: &'a AtomicUsize) -> Result<Self, Refused> {
         let waiting = Self(count);
-        match count.fetch_add(1, Ordering::Relaxed) < MAX_WAITING {
+        match count.fetch_add(1, Ordering::Relaxed) < MAX_REQUESTS_WAITING {
             true => Ok(waiting),
             false => Err(Refused::new(Kind::Refused, "too many requests wait for the server; close some pages")),
         }
@@ -244,7 +244,7 @@ mod tests {
     use std::sync::atomic::{AtomicUsize, Ordering};
     use std::time::Duration;
 
-    use super::{JobQueue, MAX_WAITING};
+    use super::{JobQueue, MAX_REQUESTS_WAITING};
     use crate::refusal::{Kind, Refused};
 
     fn runtime() -> tokio::runtime::Runtime {
@@ -315,7 +315,7 @@ mod tests {
         let queue = JobQueue::new();
         runtime().block_on(async {
             let place = Arc::clone(&queue.place).acquire_owned().await.unwrap();
-            let mut waiting: Vec<_> = (0..MAX_WAITING).map(|_| Box::pin(queue.run(|_| Ok(())))).collect();
+            let mut waiting: Vec<_> = (0..MAX_REQUESTS_WAITING).map(|_| Box::pin(queue.run(|_| Ok(())))).collect();
             for request in &mut waiting {
                 assert!(tokio::time::timeout(Duration::from_millis(1), request.as_mut()).await.is_err());
             }

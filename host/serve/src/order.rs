@@ -11,7 +11,7 @@ use crate::program::Program;
 use crate::refusal::Refused;
 
 /// An order that could not be sent within this time is not sent: the arm would move unexpectedly.
-pub const PATIENCE: Duration = Duration::from_secs(2);
+pub const MAX_ORDER_AGE: Duration = Duration::from_secs(2);
 
 /// What is to be done.
 #[derive(Clone)]

@@ -7,9 +7,9 @@ use crate::hub::Hub;
 use crate::measured::{PoseReader, PoseSource};
 
 /// Interval at which a source is read.
-const PERIOD: Duration = Duration::from_millis(100);
+const READ_PERIOD: Duration = Duration::from_millis(100);
 /// A source that is lost is opened again after this time.
-const RETRY: Duration = Duration::from_secs(1);
+const REOPEN_SOURCE_AFTER: Duration = Duration::from_secs(1);
 
 /// Reads a source until the server ends.
 pub(crate) fn follow(hub: &Hub, mut source: PoseSource) {
@@ -19,9 +19,9 @@ pub(crate) fn follow(hub: &Hub, mut source: PoseSource) {
             Err(problem) => Some(problem),
         };
         lost.into_iter().for_each(|problem| hub.with_measured(|measured| measured.set_problem(problem)));
-        let again = Instant::now() + RETRY;
+        let again = Instant::now() + REOPEN_SOURCE_AFTER;
         while Instant::now() < again && !hub.has_ended() {
-            thread::sleep(PERIOD);
+            thread::sleep(READ_PERIOD);
         }
     }
 }
@@ -33,7 +33,7 @@ fn read(hub: &Hub, reader: &mut dyn PoseReader) -> Option<String> {
             Ok(poses) => hub.with_measured(|measured| measured.add(&poses)),
             Err(problem) => return Some(problem),
         }
-        thread::sleep(PERIOD);
+        thread::sleep(READ_PERIOD);
     }
     None
 }

@@ -21,7 +21,7 @@ use crate::control::GrantNumber;
 use crate::refusal::{Kind, Refused};
 
 /// Longest name.
-const MAX_NAME: usize = 60;
+const MAX_RECORDING_NAME: usize = 60;
 /// Largest measurement that a page gets.
 const MAX_DATA: u64 = crate::upload::MAX_FILES as u64;
 
@@ -185,7 +185,7 @@ impl Recordings {
     ) -> Result<(), Refused> {
         let RecordSetup { folder, command } = self.setup()?;
         if !is_name(name) {
-            let text = format!("a name has 1 to {MAX_NAME} letters, digits, - and _");
+            let text = format!("a name has 1 to {MAX_RECORDING_NAME} letters, digits, - and _");
             return Err(Refused::new(Kind::Invalid, text));
         }
         let paths = [".csv", ".visits.csv", ".darm"].map(|end| folder.join(format!("{name}{end}")));
@@ -271,7 +271,7 @@ fn data_file(path: &Path) -> Option<DataFile> {
 
 fn is_name(name: &str) -> bool {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
-    (1..=MAX_NAME).contains(&name.len()) && name.chars().all(is_plain)
+    (1..=MAX_RECORDING_NAME).contains(&name.len()) && name.chars().all(is_plain)
 }
 
 /// What `darm record --json` has printed, in a sentence: the measurement, the error, or both.

@@ -21,7 +21,7 @@ use crate::acceptor::{self, Accepted, STOP};
 use crate::access::{Access, AccessError, Token};
 use crate::assets::ASSETS;
 use crate::board_port::BoardPort;
-use crate::connections::{self, PATIENCE};
+use crate::connections::{self, READ_TIMEOUT};
 use crate::history::{self, History, HistoryError, ModelEntry};
 use crate::hub::{Hub, HubParts};
 use crate::measured::PoseSource;
@@ -29,7 +29,7 @@ use crate::pose_reader;
 use crate::recording::{RecordSetup, Recordings};
 use crate::refusal::Refused;
 pub use crate::served_arm::ServedArm;
-use crate::stop_line::Opened;
+use crate::stop_line::Upgraded;
 use crate::watcher::Watcher;
 use crate::{api, diagnosis, pages, reach, recording_api, stop_line, unix_time};
 
@@ -132,7 +132,7 @@ impl Server {
         }));
         let watcher = Watcher::new(Arc::clone(&hub), open, ordered);
         let (end, ended) = oneshot::channel();
-        let (line, opened) = channel();
+        let (line, upgraded) = channel();
         let router = router(Arc::clone(&hub), access, line);
         let (of_control, stops, line) = (Arc::clone(&hub), Arc::clone(&hub), Arc::clone(&hub));
         let has_control = Arc::new(move |headers: &_| api::has_control(&of_control, headers));
@@ -150,7 +150,7 @@ impl Server {
             thread::Builder::new()
                 .name("stop".into())
                 .spawn(move || stops.stops().answer_requests(|| stops.has_ended()))?,
-            thread::Builder::new().name("stop-line".into()).spawn(move || stop_line::answer(&line, &opened))?,
+            thread::Builder::new().name("stop-line".into()).spawn(move || stop_line::answer(&line, &upgraded))?,
         ];
         if let Some(source) = poses {
             threads.push(follow_poses(&hub, source)?);
@@ -209,7 +209,7 @@ fn add_arm(history: &History, served: &ServedArm) -> Result<(), HistoryError> {
     history.add_model(&model, unix_time::now_ms())
 }
 
-fn router(hub: Arc<Hub>, access: Access, line: Sender<Opened>) -> Router {
+fn router(hub: Arc<Hub>, access: Access, line: Sender<Upgraded>) -> Router {
     let history = hub.history().cloned();
     let pages = pages::ALL
         .into_iter()
@@ -239,7 +239,7 @@ fn router(hub: Arc<Hub>, access: Access, line: Sender<Opened>) -> Router {
         .merge(recording_api::router(Arc::clone(&hub)))
         .merge(stop_line::router(hub, line))
         .layer(DefaultBodyLimit::max(MAX_BODY))
-        .layer(RequestBodyTimeoutLayer::new(PATIENCE))
+        .layer(RequestBodyTimeoutLayer::new(READ_TIMEOUT))
         .layer(middleware::from_fn_with_state(Arc::new(access), guard))
 }
 

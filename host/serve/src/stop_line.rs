@@ -37,14 +37,14 @@ use crate::refusal::Refused;
 /// The path; not below `/api/`, where the token would have to be in a header.
 const PATH: &str = "/stop-line";
 /// The thread looks this often whether a later connection is there, or the server ends.
-const LOOK: Duration = Duration::from_millis(50);
+const READ_SLICE: Duration = Duration::from_millis(50);
 /// A client that takes no answer for this long is gone.
-const PATIENCE: Duration = Duration::from_secs(1);
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(1);
 /// Longest message, bytes: what it says does not matter.
 const MAX_MESSAGE: usize = 1 << 10;
 
 /// A connection that has left the server.
-pub(crate) struct Opened {
+pub(crate) struct Upgraded {
     stream: TcpStream,
     /// Its bytes that were read already.
     read: Vec<u8>,
@@ -53,7 +53,7 @@ pub(crate) struct Opened {
 #[derive(Clone)]
 struct Door {
     hub: Arc<Hub>,
-    opened: Sender<Opened>,
+    upgraded: Sender<Upgraded>,
     /// The connection that the thread reads, or is about to: it reads on as long as bytes come, so a later one shuts it.
     latest: Arc<Mutex<Option<TcpStream>>>,
 }
@@ -63,12 +63,12 @@ struct Shown {
     key: String,
 }
 
-/// Lets the page with control open its connection, which goes to `opened`.
-pub(crate) fn router(hub: Arc<Hub>, opened: Sender<Opened>) -> Router {
-    Router::new().route(PATH, get(open)).with_state(Door { hub, opened, latest: Arc::default() })
+/// Lets the page with control open its connection, which goes to `upgraded`.
+pub(crate) fn router(hub: Arc<Hub>, upgraded: Sender<Upgraded>) -> Router {
+    Router::new().route(PATH, get(upgrade)).with_state(Door { hub, upgraded, latest: Arc::default() })
 }
 
-async fn open(State(door): State<Door>, Query(shown): Query<Shown>, mut request: Request) -> Response {
+async fn upgrade(State(door): State<Door>, Query(shown): Query<Shown>, mut request: Request) -> Response {
     let key = u64::from_str_radix(&shown.key, 16).ok().filter(|key| door.hub.controls(*key));
     let Some(key) = key else {
         return Refused::from(ControlError::Missing).into_response();
@@ -76,11 +76,11 @@ async fn open(State(door): State<Door>, Query(shown): Query<Shown>, mut request:
     let Ok(answer) = create_response_with_body(&request, Body::empty) else {
         return StatusCode::BAD_REQUEST.into_response();
     };
-    let upgrade = hyper::upgrade::on(&mut request);
+    let upgrading = hyper::upgrade::on(&mut request);
     tokio::spawn(async move {
         // Where the client has left meanwhile there is no connection to hand over.
-        let Ok(upgraded) = upgrade.await else { return };
-        let Ok(parts) = upgraded.downcast::<TokioIo<tokio::net::TcpStream>>() else { return };
+        let Ok(connection) = upgrading.await else { return };
+        let Ok(parts) = connection.downcast::<TokioIo<tokio::net::TcpStream>>() else { return };
         let Ok(stream) = parts.io.into_inner().into_std() else { return };
         let Ok(latest) = stream.try_clone() else { return };
         // A client that reads its answer late has handed control over meanwhile: it shuts no line of the next page.
@@ -92,16 +92,16 @@ async fn open(State(door): State<Door>, Query(shown): Query<Shown>, mut request:
         // Of one that has ended nothing is left to be shut.
         current.replace(latest).map(|former| former.shutdown(Shutdown::Both));
         // The thread ends with the server.
-        let _ = door.opened.send(Opened { stream, read: parts.read_buf.into() });
+        let _ = door.upgraded.send(Upgraded { stream, read: parts.read_buf.into() });
     });
     answer
 }
 
 /// Answers the stops of the latest connection until the server ends.
-pub(crate) fn answer(hub: &Hub, opened: &Receiver<Opened>) {
+pub(crate) fn answer(hub: &Hub, upgraded: &Receiver<Upgraded>) {
     let mut line = None;
     while !hub.has_ended() {
-        if let Some(newer) = opened.try_iter().last() {
+        if let Some(newer) = upgraded.try_iter().last() {
             line = newer.accept();
         }
         match &mut line {
@@ -112,17 +112,17 @@ pub(crate) fn answer(hub: &Hub, opened: &Receiver<Opened>) {
                     line = None;
                 }
             }
-            None => line = opened.recv_timeout(LOOK).ok().and_then(Opened::accept),
+            None => line = upgraded.recv_timeout(READ_SLICE).ok().and_then(Upgraded::accept),
         }
     }
 }
 
-impl Opened {
+impl Upgraded {
     fn accept(self) -> Option<WebSocket<TcpStream>> {
         let Self { stream, read } = self;
         stream.set_nonblocking(false).ok()?;
-        stream.set_read_timeout(Some(LOOK)).ok()?;
-        stream.set_write_timeout(Some(PATIENCE)).ok()?;
+        stream.set_read_timeout(Some(READ_SLICE)).ok()?;
+        stream.set_write_timeout(Some(ANSWER_TIMEOUT)).ok()?;
         let config = WebSocketConfig::default().max_message_size(Some(MAX_MESSAGE)).max_frame_size(Some(MAX_MESSAGE));
         Some(WebSocket::from_partially_read(stream, read, Role::Server, Some(config)))
     }

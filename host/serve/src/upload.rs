@@ -18,7 +18,7 @@ pub const MAX_FILES: usize = 64 << 20;
 /// Most bytes of all uploads that the server has at once.
 pub const MAX_UPLOADS: usize = 2 * MAX_FILES;
 /// Longest name of a file, bytes.
-const MAX_NAME: usize = 100;
+const MAX_SENT_NAME: usize = 100;
 
 /// The first line of an upload.
 #[derive(Debug, Deserialize)]
@@ -128,7 +128,7 @@ impl<'a> Upload<'a> {
 /// Whether a name is that of a file in one folder, on every system.
 fn is_plain(name: &str) -> bool {
     let is_odd = |c: char| c.is_control() || matches!(c, '/' | '\\' | ':');
-    !name.is_empty() && name.len() <= MAX_NAME && !name.starts_with('.') && !name.contains(is_odd)
+    !name.is_empty() && name.len() <= MAX_SENT_NAME && !name.starts_with('.') && !name.contains(is_odd)
 }
 
 #[cfg(test)]

@@ -18,7 +18,7 @@ use darm_device::link::LinkError;
 use crate::board_port::Opener;
 use crate::history::TableEntry;
 use crate::hub::Hub;
-use crate::order::{Order, PATIENCE, Task};
+use crate::order::{MAX_ORDER_AGE, Order, Task};
 use crate::program::Program;
 use crate::refusal::{Kind, Refused};
 use crate::unix_time;
@@ -26,9 +26,9 @@ use crate::view::UploadView;
 use observer::Observer;
 
 /// Interval of the questions.
-const PERIOD: Duration = Duration::from_millis(50);
+const QUESTION_PERIOD: Duration = Duration::from_millis(50);
 /// A lost port is opened again after this time.
-const RETRY: Duration = Duration::from_millis(500);
+const REOPEN_PORT_AFTER: Duration = Duration::from_millis(500);
 
 /// Asks the board, and sends it what pages order.
 pub(crate) struct Watcher {
@@ -59,7 +59,7 @@ impl Watcher {
                 Err(error) => error,
             };
             self.hub.set_lost(lost.to_string());
-            self.refuse_orders(Instant::now() + RETRY);
+            self.refuse_orders(Instant::now() + REOPEN_PORT_AFTER);
         }
         self.switch_off();
     }
@@ -71,7 +71,7 @@ impl Watcher {
 
     fn connect(&mut self) -> Result<Client, ClientError> {
         let (link, handle) = (self.open)()?;
-        self.hub.set_open(link.name(), handle.clone());
+        self.hub.set_port_open(link.name(), handle.clone());
         let stops = self.hub.stops().count();
         let mut client = Client::connect(link)?;
         let hub = Arc::clone(&self.hub);
@@ -86,7 +86,7 @@ impl Watcher {
     fn follow(&mut self, client: &mut Client) -> ClientError {
         let mut observer = Observer::new(Arc::clone(&self.hub), client);
         loop {
-            let due = Instant::now() + PERIOD;
+            let due = Instant::now() + QUESTION_PERIOD;
             // Before the look: it sees what the page has ordered last.
             self.is_abandoned |= self.hub.take_abandoned();
             match observer.look(client) {
@@ -167,7 +167,7 @@ impl Watcher {
         if let Some(key) = order.key {
             self.hub.control(|control| control.check(key))?;
         }
-        if order.made.elapsed() > PATIENCE {
+        if order.made.elapsed() > MAX_ORDER_AGE {
             return Err(Refused::new(Kind::Link, "the board did not answer in time; nothing was sent"));
         }
         Ok(())
@@ -193,7 +193,7 @@ impl Watcher {
             Task::Upload(program) => self.upload(client, program),
             Task::Type(line) => {
                 self.hub.typed(line);
-                let is_late = || order.stops != self.hub.stops().count() || order.made.elapsed() > PATIENCE;
+                let is_late = || order.stops != self.hub.stops().count() || order.made.elapsed() > MAX_ORDER_AGE;
                 let typed = match order.key {
                     None => client.type_line(line),
                     Some(_) => client.type_change(line, is_late),

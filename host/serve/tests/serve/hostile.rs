@@ -5,7 +5,7 @@ use std::net::TcpStream;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use darm_serve::connections::{MAX_CONNECTIONS, PATIENCE};
+use darm_serve::connections::{MAX_CONNECTIONS, READ_TIMEOUT};
 use darm_serve::upload::MAX_FILES;
 use serde_json::json;
 
@@ -78,11 +78,11 @@ fn half_requests_and_idle_connections_are_closed_after_a_while() {
     let began = Instant::now();
     while slow.write_all(b"G").is_ok() {
         thread::sleep(Duration::from_millis(200));
-        assert!(began.elapsed() < 2 * PATIENCE, "{:?}", began.elapsed());
+        assert!(began.elapsed() < 2 * READ_TIMEOUT, "{:?}", began.elapsed());
     }
-    assert!(began.elapsed() > PATIENCE / 2, "{:?}", began.elapsed());
+    assert!(began.elapsed() > READ_TIMEOUT / 2, "{:?}", began.elapsed());
     for (index, stream) in waiting.iter_mut().enumerate() {
-        assert!(is_closed(stream, PATIENCE), "{index}");
+        assert!(is_closed(stream, READ_TIMEOUT), "{index}");
     }
 }
 
@@ -96,7 +96,7 @@ fn more_connections_than_there_are_places_leave_a_stop_its_time() {
     assert!(began.elapsed() < STOP, "{:?}", began.elapsed());
     // Long before they would have been closed for their age.
     let closed = halves.iter_mut().filter_map(|half| is_closed(half, Duration::from_millis(1)).then_some(())).count();
-    assert!(closed >= MAX_CONNECTIONS && began.elapsed() < PATIENCE, "{closed}, {:?}", began.elapsed());
+    assert!(closed >= MAX_CONNECTIONS && began.elapsed() < READ_TIMEOUT, "{closed}, {:?}", began.elapsed());
 }
 
 /// Uploads take memory as they arrive: announced ones keep no other out.
