@@ -17,7 +17,7 @@ pub(crate) struct PageId(pub(crate) u32);
 
 /// A page or program, as pages show it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct AttachedView {
+pub(crate) struct AttachedView {
     /// What it is called.
     pub name: String,
     /// Whether it is a program.

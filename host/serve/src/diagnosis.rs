@@ -9,9 +9,9 @@
 //! | `POST /api/diagnosis/table`| makes and opens the table of the next measurement, with its visit file            |
 //! | `POST /api/diagnosis/run`  | diagnoses an [`Upload`]; the answer is the result. Without its page it is given up |
 
+mod keep;
 mod log;
 mod models;
-mod record;
 mod sources;
 mod view;
 
@@ -28,7 +28,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::hub::Hub;
 use crate::job_queue::{JobQueue, Running, Work};
-use crate::made_table::{self, TableView, Visited};
+use crate::made_table::{self, Occasion, TableView, Visited};
 use crate::refusal::{Kind, Refused};
 use crate::upload::{MAX_FILES, Upload};
 use crate::upload_memory::{UploadBody, UploadMemory};
@@ -193,7 +193,7 @@ async fn make_table(State(diagnoses): Shared, Json(request): Json<TableRequest>)
             Of::Words => (Visited::of_words(next.words), "next"),
             Of::Plan => (Visited::Plan, "plan"),
         };
-        made_table::open(&hub, &next.arm, &visited, (name, Some(next.diagnosed)), work)
+        made_table::open(&hub, &next.arm, &visited, Occasion { name, diagnosed: Some(next.diagnosed) }, work)
     });
     made.await.map(Json)
 }
@@ -215,7 +215,7 @@ impl Diagnoses {
         let corrected = corrected.map(|(number, text)| Corrected::new(&sources.model, number, text));
         let corrected_arm = found.corrected_arm(Keep::Effects);
         let corrected_digest = corrected_arm.as_ref().map(|arm| arm.hash().to_string());
-        self.record(sources, &found, corrected.as_ref(), corrected_digest);
+        self.keep(sources, &found, corrected.as_ref(), corrected_digest);
         let words = found.diagnosis.next_measurement.as_ref().map_or_else(Vec::new, |next| next.words.clone());
         let next = corrected_arm.or_else(|| found.arm().cloned()).map(|arm| Next {
             arm,

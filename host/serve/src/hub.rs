@@ -29,12 +29,12 @@ use crate::unix_time;
 use crate::view::{BoardView, ControlView, EventView, LinkView, LiveView, UploadView};
 
 /// What is older than this is not live: ten times the interval of the questions.
-pub const LIVE: Duration = Duration::from_millis(500);
+pub(crate) const LIVE: Duration = Duration::from_millis(500);
 /// Events that are kept for pages.
 const EVENTS: usize = 60;
 
 /// What watcher and pages share.
-pub struct Hub {
+pub(crate) struct Hub {
     stops: Stops,
     arm: Option<ServedArm>,
     history: Option<Arc<History>>,
@@ -136,7 +136,7 @@ impl Hub {
     }
 
     /// The arm on its board, where one is known.
-    pub fn wired(&self) -> Option<&WiredArm> {
+    pub(crate) fn wired(&self) -> Option<&WiredArm> {
         self.arm.as_ref().map(|arm| &arm.wired)
     }
 

@@ -18,8 +18,12 @@ use crate::refusal::{Kind, Place, Refused};
 /// What is to be visited.
 #[derive(Clone, Debug)]
 pub(crate) enum Visited {
-    /// These visits in this order; whether the arm may rest between them, so that limits of outputs are kept.
-    Edited(Vec<EditedVisit>, bool),
+    /// These visits in this order.
+    Edited {
+        visits: Vec<EditedVisit>,
+        /// Whether the arm may rest between them, so that limits of outputs are kept.
+        may_rest: bool,
+    },
     /// Words of which every parameter and every effect can be determined.
     Plan,
 }
@@ -28,7 +32,7 @@ impl Visited {
     /// These words, without a rest between them.
     pub(crate) fn of_words(words: Vec<String>) -> Self {
         let visit = |word| EditedVisit { word, servos_rad: Vec::new(), dwell_s: None };
-        Self::Edited(words.into_iter().map(visit).collect(), false)
+        Self::Edited { visits: words.into_iter().map(visit).collect(), may_rest: false }
     }
 }
 
@@ -70,13 +74,20 @@ pub(crate) fn draft(arm: &Arm, profile: &BoardProfile, visited: &Visited) -> Res
     Ok(DraftView { program, visits_s: visits.rests.iter().map(|rest| [rest.from_s, rest.to_s]).collect() })
 }
 
-/// Makes the table of an arm, called `name`, and opens it, as a page does with a file: nothing is sent to the board. `diagnosed` are
-/// the files of the diagnosis that it is made after.
+/// What a table is called, and what it is made after.
+pub(crate) struct Occasion {
+    /// Name of its file, without the end.
+    pub(crate) name: &'static str,
+    /// The files of the diagnosis that it is made after, if there is one.
+    pub(crate) diagnosed: Option<String>,
+}
+
+/// Makes the table of an arm and opens it, as a page does with a file: nothing is sent to the board.
 pub(crate) fn open(
     hub: &Hub,
     arm: &Arm,
     visited: &Visited,
-    (name, diagnosed): (&str, Option<String>),
+    Occasion { name, diagnosed }: Occasion,
     work: &Work,
 ) -> Result<TableView, Refused> {
     let no_board = "a table is made for the profile of the board; start the server with its arm";
@@ -96,10 +107,10 @@ pub(crate) fn open(
 
 fn make(arm: &Arm, visited: &Visited, profile: &BoardProfile) -> Result<(Vec<u8>, Visits), Refused> {
     let (planned, may_rest) = match visited {
-        Visited::Edited(edited, may_rest) => {
+        Visited::Edited { visits, may_rest } => {
             let dwell_s = default_dwell_s(arm, profile);
             let visit = |(index, visit): (usize, &EditedVisit)| planned(arm, index, visit, dwell_s);
-            (edited.iter().enumerate().map(visit).collect::<Result<_, _>>()?, *may_rest)
+            (visits.iter().enumerate().map(visit).collect::<Result<_, _>>()?, *may_rest)
         }
         Visited::Plan => {
             let visits = measurement_visits(arm, &measurement_plan::Options::default(), MEASUREMENT_DWELL_S);

@@ -11,11 +11,11 @@ use crate::program::Program;
 use crate::refusal::Refused;
 
 /// An order that could not be sent within this time is not sent: the arm would move unexpectedly.
-pub const MAX_ORDER_AGE: Duration = Duration::from_secs(2);
+pub(crate) const MAX_ORDER_AGE: Duration = Duration::from_secs(2);
 
 /// What is to be done.
 #[derive(Clone)]
-pub enum Task {
+pub(crate) enum Task {
     /// A command of the sequencer.
     Command(Command),
     /// Run the board's table, if it is this one.
@@ -30,7 +30,7 @@ pub enum Task {
 }
 
 /// One order of a page.
-pub struct Order {
+pub(crate) struct Order {
     /// What is to be done.
     pub task: Task,
     /// The key of the page; `None` for what needs no control.

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 /// A posture of the arm.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Picture {
+pub(crate) struct Picture {
     /// Name of the arm.
     pub name: String,
     /// Whether all of it is in the xy-plane.
@@ -32,7 +32,7 @@ pub struct Tool {
 
 /// A straight line in the base frame.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Stroke {
+pub(crate) struct Stroke {
     /// What it shows: `link`, `plate`, `contracted`, `extended`, `revolute`, `prismatic`, `x`, `y` or `z`.
     pub part: &'static str,
     /// Where it starts, m.
@@ -43,7 +43,7 @@ pub struct Stroke {
 
 /// What decides the posture.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Posture {
+pub(crate) struct Posture {
     /// The word that the board drives.
     pub word: Word,
     /// The word before it.
@@ -58,7 +58,7 @@ impl Picture {
     /// # Errors
     ///
     /// The model has no pose for it, in a sentence.
-    pub fn of(arm: &Arm, posture: &Posture) -> Result<Self, String> {
+    pub(crate) fn of(arm: &Arm, posture: &Posture) -> Result<Self, String> {
         let mut scratch = ArmScratch::default();
         let condition = arm.model.working(posture.word, posture.previous, &posture.servos_rad);
         let tool = arm.model.predict(&condition, &mut scratch).map_err(|error| error.to_string())?;

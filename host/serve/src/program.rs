@@ -11,7 +11,7 @@ use serde::Serialize;
 use crate::refusal::{Limit, Refused};
 
 /// An opened table.
-pub struct Program {
+pub(crate) struct Program {
     /// The table; `None` where it breaks one of its limits.
     pub file: Option<TableFile>,
     /// What pages show.
@@ -24,7 +24,7 @@ pub struct Program {
 
 /// Where a table with a visit file comes from.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Origin {
+pub(crate) struct Origin {
     /// Name of its visit file.
     pub visits_name: String,
     /// Number of visits.
@@ -37,7 +37,7 @@ pub struct Origin {
 
 /// A table as pages show it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ProgramView {
+pub(crate) struct ProgramView {
     /// Name of the file.
     pub name: String,
     /// Digest of the table, as the board reports it; `None` where it is refused.
@@ -56,7 +56,7 @@ pub struct ProgramView {
 
 /// A row of a table.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct RowView {
+pub(crate) struct RowView {
     /// Time after the start, s.
     pub at_s: f64,
     /// One digit for each actuator.
@@ -67,7 +67,7 @@ pub struct RowView {
 
 /// When an output is on.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Lane {
+pub(crate) struct Lane {
     /// Number of the output.
     pub output: u8,
     /// Number of its actuator.
@@ -86,7 +86,7 @@ impl Program {
     /// # Errors
     ///
     /// The bytes are not a complete table of this version.
-    pub fn open(name: &str, bytes: &[u8]) -> Result<Self, Refused> {
+    pub(crate) fn open(name: &str, bytes: &[u8]) -> Result<Self, Refused> {
         let (path, own, visits) = (Path::new(name), bytes.to_vec(), None);
         match TableFile::parse(path, bytes) {
             Ok(file) => {
@@ -104,12 +104,12 @@ impl Program {
 
     /// The same with its visit file.
     #[must_use]
-    pub fn with_visits(self, origin: Origin, visits: String) -> Self {
+    pub(crate) fn with_visits(self, origin: Origin, visits: String) -> Self {
         Self { view: ProgramView { origin: Some(origin), ..self.view }, visits: Some(visits), ..self }
     }
 
     /// Digest of a table that breaks none of its limits.
-    pub fn digest(&self) -> Option<Digest> {
+    pub(crate) fn digest(&self) -> Option<Digest> {
         self.file.as_ref().map(TableFile::digest)
     }
 }

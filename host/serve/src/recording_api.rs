@@ -22,7 +22,7 @@ use crate::api::key;
 use crate::control::ControlError;
 use crate::hub::Hub;
 use crate::job_queue::{JobQueue, Work};
-use crate::made_table::{self, DraftView, EditedVisit, TableView, Visited};
+use crate::made_table::{self, DraftView, EditedVisit, Occasion, TableView, Visited};
 use crate::recording::DataFile;
 use crate::refusal::{Kind, Refused};
 
@@ -92,7 +92,7 @@ impl EditedTable {
             let text = format!("a table has 1 to {MAX_VISITS} visits, each for 0 to 3600 s");
             return Err(Refused::new(Kind::Invalid, text));
         }
-        Ok(Visited::Edited(visits, may_rest))
+        Ok(Visited::Edited { visits, may_rest })
     }
 }
 
@@ -117,7 +117,7 @@ async fn plan(State(requests): State<Requests>, Json(request): Json<PlanRequest>
     let hub = requests.hub;
     let made = requests.plans.run(move |work: &Work| {
         let arm = wired(&hub)?.arm.clone();
-        made_table::open(&hub, &arm, &visited, (name, None), work)
+        made_table::open(&hub, &arm, &visited, Occasion { name, diagnosed: None }, work)
     });
     made.await.map(Json)
 }

@@ -14,7 +14,7 @@ use crate::control::ControlError;
 /// Which kind of reason it is: pages decide by it, never by the sentence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Kind {
+pub(crate) enum Kind {
     /// The request is from elsewhere, or its token is wrong.
     Denied,
     /// The page does not control the arm.
@@ -31,7 +31,7 @@ pub enum Kind {
 
 /// Where the cause is, as far as there is one place.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Place {
+pub(crate) struct Place {
     /// Index of the visit, of a table that is being made.
     pub visit: Option<usize>,
     /// Index of the row; the number of rows for the end of the program.
@@ -48,7 +48,7 @@ pub struct Place {
 
 /// The limit of an output.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Limit {
+pub(crate) struct Limit {
     /// Longest time on without a pause, s.
     pub max_on_s: f64,
     /// Largest share of the window, in percent.
@@ -66,7 +66,7 @@ impl From<CoilLimit> for Limit {
 
 /// Why something was not done.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Refused {
+pub(crate) struct Refused {
     /// Which kind of reason.
     pub kind: Kind,
     /// The reason in a sentence, for people.
@@ -78,13 +78,13 @@ pub struct Refused {
 
 impl Refused {
     /// A reason without a place.
-    pub fn new(kind: Kind, text: impl ToString) -> Self {
+    pub(crate) fn new(kind: Kind, text: impl ToString) -> Self {
         Self { kind, text: text.to_string(), place: Place::default() }
     }
 
     /// The same with the limits of the output that it names.
     #[must_use]
-    pub fn with_limit_of(mut self, wiring: &Wiring) -> Self {
+    pub(crate) fn with_limit_of(mut self, wiring: &Wiring) -> Self {
         let coil = |output| wiring.coils.iter().find(|coil| coil.output == output);
         self.place.limit = self.place.output.and_then(coil).map(|coil| coil.limit.into());
         self
@@ -159,7 +159,7 @@ fn of_row(error: &RowError) -> Place {
 }
 
 /// Where a fault was.
-pub fn of_fault(fault: &FaultKind) -> Place {
+pub(crate) fn of_fault(fault: &FaultKind) -> Place {
     match *fault {
         FaultKind::OnTooLong { output } | FaultKind::Duty { output } => {
             Place { output: Some(output), ..Place::default() }

@@ -201,7 +201,7 @@ fn follow_poses(hub: &Arc<Hub>, source: PoseSource) -> io::Result<JoinHandle<()>
     thread::Builder::new().name("poses".into()).spawn(move || pose_reader::follow(&hub, source))
 }
 
-/// Records the arm of the server.
+/// Keeps the arm of the server in the history.
 fn add_arm(history: &History, served: &ServedArm) -> Result<(), HistoryError> {
     let (arm, name) = (&served.wired.arm, served.file_name());
     let (digest, file, number) = (arm.hash().to_string(), arm.to_toml(), arm.model.number);

@@ -16,7 +16,7 @@ use crate::refusal::{Kind, Refused};
 /// Largest upload of files, bytes.
 pub const MAX_FILES: usize = 64 << 20;
 /// Most bytes of all uploads that the server has at once.
-pub const MAX_UPLOADS: usize = 2 * MAX_FILES;
+pub(crate) const MAX_UPLOADS: usize = 2 * MAX_FILES;
 /// Longest name of a file, bytes.
 const MAX_SENT_NAME: usize = 100;
 
@@ -45,7 +45,7 @@ struct Named {
 /// How the numbers of a column are read.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
-pub struct ReadAs {
+pub(crate) struct ReadAs {
     /// Name of the column in the file.
     pub column: String,
     /// What it holds; empty of a column that is not read.
@@ -56,7 +56,7 @@ pub struct ReadAs {
 
 /// The model of an upload.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Model {
+pub(crate) enum Model {
     /// A file that was sent, by its name.
     Sent(String),
     /// One that the server has, by its digest.
@@ -67,7 +67,7 @@ pub enum Model {
 
 /// A model, measurements, and the files that the model names.
 #[derive(Debug)]
-pub struct Upload<'a> {
+pub(crate) struct Upload<'a> {
     /// The model.
     pub model: Model,
     /// How columns of the measurements are read; those that are not named are read by their names.
@@ -85,7 +85,7 @@ impl<'a> Upload<'a> {
     /// # Errors
     ///
     /// The body is no upload, a name is none of a file, or two files have one name.
-    pub fn parse(body: &'a [u8]) -> Result<Self, Refused> {
+    pub(crate) fn parse(body: &'a [u8]) -> Result<Self, Refused> {
         let invalid = |text: String| Refused::new(Kind::Invalid, text);
         let end = body.iter().position(|byte| *byte == b'\n').unwrap_or(body.len());
         let head: Head = serde_json::from_slice(&body[..end])
@@ -115,12 +115,12 @@ impl<'a> Upload<'a> {
     }
 
     /// The bytes of a file that was sent; empty for another name.
-    pub fn bytes(&self, name: &str) -> &[u8] {
+    pub(crate) fn bytes(&self, name: &str) -> &[u8] {
         self.files.iter().find(|(own, _)| own == name).map_or(&[], |(_, bytes)| bytes)
     }
 
     /// The files as all that is read: whatever a model names, and however it writes it, there are no others.
-    pub fn handed(&self) -> Files {
+    pub(crate) fn handed(&self) -> Files {
         Files::handed(self.files.iter().map(|(name, bytes)| (name.clone(), bytes.to_vec())), Limits::SERVER)
     }
 }

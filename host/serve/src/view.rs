@@ -13,7 +13,7 @@ use crate::refusal::{Limit, Place, of_fault};
 
 /// What a page fetches again and again.
 #[derive(Clone, Debug, Serialize)]
-pub struct LiveView {
+pub(crate) struct LiveView {
     /// Grows with every change.
     pub revision: u64,
     /// Whether the board answers now. Where it does not, all below is old.
@@ -48,7 +48,7 @@ pub struct LiveView {
 
 /// Who controls the arm.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct ControlView {
+pub(crate) struct ControlView {
     /// Number of the grant; for pages `page`, as the name of a page without one says it.
     #[serde(rename = "page")]
     pub grant: GrantNumber,
@@ -63,7 +63,7 @@ pub struct ControlView {
 /// Whether the board answers.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[serde(tag = "state", rename_all = "kebab-case")]
-pub enum LinkView {
+pub(crate) enum LinkView {
     /// It has not answered yet.
     Connecting,
     /// It answered just now.
@@ -79,7 +79,7 @@ pub enum LinkView {
 
 /// How far an upload is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct UploadView {
+pub(crate) struct UploadView {
     /// Bytes that the board has.
     pub done: u32,
     /// Bytes of the table.
@@ -88,7 +88,7 @@ pub struct UploadView {
 
 /// A board.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct BoardView {
+pub(crate) struct BoardView {
     /// Its kind.
     pub name: String,
     /// Number of the device.
@@ -125,7 +125,7 @@ pub struct BoardView {
 
 /// What the sequencer does.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct PhaseView {
+pub(crate) struct PhaseView {
     /// `idle`, `manual`, `approaching`, `playing` or `safe`.
     pub name: &'static str,
     /// The row that is due next, or that the fault was in.
@@ -138,7 +138,7 @@ pub struct PhaseView {
 
 /// A latched fault.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct FaultView {
+pub(crate) struct FaultView {
     /// In a sentence.
     pub text: String,
     /// Where.
@@ -148,7 +148,7 @@ pub struct FaultView {
 
 /// A discrete actuator.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ActuatorView {
+pub(crate) struct ActuatorView {
     /// The state that it is driven to.
     pub digit: u8,
     /// Its limit switch.
@@ -157,7 +157,7 @@ pub struct ActuatorView {
 
 /// A limit switch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct SwitchView {
+pub(crate) struct SwitchView {
     /// Number of the input.
     pub input: u8,
     /// Whether it is to be closed at the stop.
@@ -170,7 +170,7 @@ pub struct SwitchView {
 
 /// An output of the board.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct OutputView {
+pub(crate) struct OutputView {
     /// Its number.
     pub output: u8,
     /// Number of the actuator that it feeds; `None` where no arm is known.
@@ -195,7 +195,7 @@ pub struct OutputView {
 
 /// What the supply can feed, as far as the server has seen outputs switched on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct SupplyView {
+pub(crate) struct SupplyView {
     /// Outputs that may be switched on now.
     pub room: u32,
     /// Outputs that may be switched on within its window.
@@ -208,7 +208,7 @@ pub struct SupplyView {
 
 /// A servo joint.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct ServoView {
+pub(crate) struct ServoView {
     /// Joint angle, rad.
     pub angle_rad: f32,
     /// Share of the largest load.
@@ -221,7 +221,7 @@ pub struct ServoView {
 
 /// Quality of link and board.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct QualityView {
+pub(crate) struct QualityView {
     /// Time of the last question and its answer, s.
     pub round_trip_s: f64,
     /// Frames sent.
@@ -255,7 +255,7 @@ pub struct EventView {
 
 impl PhaseView {
     /// A phase at time `now` of the board.
-    pub fn of(phase: &Phase, now: Micros) -> Self {
+    pub(crate) fn of(phase: &Phase, now: Micros) -> Self {
         let running = |name, row, since: Micros| Self { name, row, since_s: Some(seconds(now - since)), fault: None };
         let simple = |name| Self { name, row: None, since_s: None, fault: None };
         match phase {

@@ -232,12 +232,12 @@ impl Watcher {
         }
         // The answer to hello names the table that the board has now.
         uploaded.and_then(|_| client.renew_hello()).map_err(|error| self.refused(error))?;
-        self.record(client, program, file);
+        self.keep_table(client, program, file);
         Ok(())
     }
 
-    /// Records a table that the board has taken; that it cannot be recorded is no failure of the upload.
-    fn record(&self, client: &Client, program: &Program, file: &TableFile) {
+    /// Keeps a table that the board has taken in the history; where that fails the upload has not failed.
+    fn keep_table(&self, client: &Client, program: &Program, file: &TableFile) {
         let Some(history) = self.hub.history() else { return };
         let bytes = table_file::bytes(&file.image);
         let (digest, model) = (file.digest().to_string(), file.image.image().model.to_string());
@@ -254,7 +254,7 @@ impl Watcher {
             device: &device,
         };
         if let Err(error) = history.add_table(&entry, unix_time::now_ms()) {
-            eprintln!("darm serve: the table is not recorded: {error}");
+            eprintln!("darm serve: the history does not keep the table: {error}");
         }
     }
 

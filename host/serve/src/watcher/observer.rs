@@ -23,7 +23,7 @@ const OUTPUTS_PERIOD: Duration = Duration::from_millis(500);
 /// Events from before the connection that are fetched.
 const EARLIER_EVENTS: u32 = 20;
 /// Events that wait for the history, at most.
-const UNRECORDED: usize = 1000;
+const MAX_UNKEPT: usize = 1000;
 /// Requests for events in one look.
 const EVENT_REQUESTS: usize = 8;
 /// A servo that turns less changes no picture, rad.
@@ -39,7 +39,7 @@ pub(super) struct Observer {
     /// The first event that is certain to be of the table that the board has; `None` before the first look.
     table_from: Option<u32>,
     /// Events that the history has not taken yet.
-    unrecorded: Vec<EventView>,
+    unkept: Vec<EventView>,
     outputs: Vec<OutputState>,
     health: Option<Health>,
     outputs_due: Instant,
@@ -64,7 +64,7 @@ impl Observer {
             hub,
             next_event,
             table_from: None,
-            unrecorded: Vec::new(),
+            unkept: Vec::new(),
             outputs: Vec::new(),
             health: None,
             outputs_due: Instant::now(),
@@ -97,7 +97,7 @@ impl Observer {
         self.follow_word(&status, wiring, now_s);
         self.show_picture(&status);
         let board = self.board(client, &status, now_s, now_s - asked_s);
-        self.record(&board, &status, board_now_s(client, now_s), &events);
+        self.keep_events(&board, &status, board_now_s(client, now_s), &events);
         hub.set_board(board, events);
         Ok(())
     }
@@ -113,14 +113,14 @@ impl Observer {
         Ok(events)
     }
 
-    /// Records new events before any page sees them; where that fails they are kept for the next look.
-    fn record(&mut self, board: &BoardView, status: &Status, board_now_s: f64, events: &[EventView]) {
+    /// Keeps new events in the history before any page sees them; where that fails they wait for the next look.
+    fn keep_events(&mut self, board: &BoardView, status: &Status, board_now_s: f64, events: &[EventView]) {
         let is_first = self.table_from.is_none();
         let table_from = *self.table_from.get_or_insert_with(|| first_of_table(events, self.next_event));
         let Some(history) = self.hub.history() else { return };
         let runs = table_from < self.next_event || matches!(board.phase.name, "approaching" | "playing");
-        self.unrecorded.extend_from_slice(events);
-        if self.unrecorded.is_empty() && !is_first {
+        self.unkept.extend_from_slice(events);
+        if self.unkept.is_empty() && !is_first {
             return;
         }
         let model = status.model.map(|model| model.to_string());
@@ -135,12 +135,12 @@ impl Observer {
             profile: board.profile.as_deref(),
             board_now_s,
             now_ms: unix_time::now_ms(),
-            events: &self.unrecorded,
+            events: &self.unkept,
         };
         match history.see(&seen) {
-            Ok(()) => self.unrecorded.clear(),
+            Ok(()) => self.unkept.clear(),
             // The page of the history says why; the oldest are given up first.
-            Err(_) => drop(self.unrecorded.drain(..self.unrecorded.len().saturating_sub(UNRECORDED))),
+            Err(_) => drop(self.unkept.drain(..self.unkept.len().saturating_sub(MAX_UNKEPT))),
         }
     }
 

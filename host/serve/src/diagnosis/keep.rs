@@ -11,9 +11,9 @@ use crate::history::{DiagnosisEntry, ModelEntry};
 use crate::unix_time;
 
 impl Diagnoses {
-    /// Records a diagnosis, its model and the corrected one, where the server keeps a history. That it cannot be recorded is
-    /// no failure of the diagnosis.
-    pub(super) fn record(
+    /// Keeps a diagnosis, its model and the corrected one in the history, where the server has one. Where that fails the diagnosis
+    /// has not failed.
+    pub(super) fn keep(
         &self,
         sources: &Sources<'_>,
         found: &FileDiagnosis,
@@ -47,7 +47,7 @@ impl Diagnoses {
             report: &report,
         };
         if let Err(error) = history.add_diagnosis(&entry, unix_time::now_ms()) {
-            eprintln!("darm serve: the diagnosis is not recorded: {error}");
+            eprintln!("darm serve: the history does not keep the diagnosis: {error}");
         }
     }
 }
