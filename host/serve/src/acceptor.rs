@@ -59,7 +59,7 @@ impl Accepted {
             IpAddr::V6(ip) if ip.is_unspecified() => Ipv6Addr::LOCALHOST.into(),
             ip => ip,
         };
-        // Where it fails the thread had others to accept, and has seen the end.
+        // A connection that fails found the queue full: the thread accepts one of the queue, and sees the end after it.
         let _ = TcpStream::connect_timeout(&(ip, address.port()).into(), LAST);
     }
 

@@ -172,7 +172,7 @@ pub(crate) struct Stopped {
     took_s: f64,
 }
 
-/// By a thread that does nothing else: it waits for nothing that the server does.
+/// Stops the board by the thread of stops, which waits for nothing that the server does.
 pub(crate) async fn stop(State(hub): Shared) -> Answer<Stopped> {
     let began = Instant::now();
     stopped(began, hub.stops().request().await).map(Json)
@@ -189,7 +189,7 @@ pub(crate) fn stopped(began: Instant, outcome: Result<Confirmation, String>) -> 
     })
 }
 
-/// The same as text, where there is no status to distinguish one from the other.
+/// The answer to a stop as a message of the stop line, which has no status: a refusal is below `refused`.
 pub(crate) fn stop_json(answer: &Result<Stopped, Refused>) -> String {
     match answer {
         Ok(stopped) => json!(stopped),

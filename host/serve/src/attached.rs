@@ -36,7 +36,7 @@ struct SeenPage {
     id: PageId,
     /// What it calls itself.
     given: String,
-    /// The same with a number behind it where another page calls itself so.
+    /// What it is called by others: `given`, with a number behind it where another page calls itself so.
     name: String,
     seen: Instant,
 }

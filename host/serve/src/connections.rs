@@ -61,7 +61,7 @@ pub(crate) async fn serve(
             stream = accepted.next() => {
                 // One that this thread cannot watch is closed.
                 let _ = TcpStream::from_std(stream).map(|stream| table.add(stream));
-                // In a flood each is read before the next ones take its place.
+                // In a flood the connection is read once before the next ones take its place.
                 tokio::task::yield_now().await;
             }
         }

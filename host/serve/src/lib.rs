@@ -7,10 +7,10 @@
 //!    └── stop: past the watcher, from any page, at any time ◄─────────────┘
 //! ```
 //!
-//! The watcher asks the board 20 times a second and puts what it learns into the [`hub`]; pages fetch it from there and
-//! wait at the server until there is something newer. They do not hold one of these connections open: a browser opens six to one
-//! server, and a stop must never wait for one that is free. The page with control has a connection for stops alone. A stop goes
-//! to the port itself, past watcher and orders, and nothing that was ordered before it is sent after it.
+//! The watcher asks the board 20 times a second and puts what it learns into the `hub`; pages fetch it from there, and
+//! a request waits a quarter of a second at most until there is something newer. A browser opens six connections to one server, and a
+//! stop must never wait for a free one, so no page holds one open for what it shows; the page with control has one more, for stops
+//! alone. A stop goes to the port itself, past watcher and orders, and nothing that was ordered before it is sent after it.
 //!
 //! The host is not in the real-time path: programs run on the board, which enforces every limit.
 

@@ -102,7 +102,7 @@ impl Program {
         }
     }
 
-    /// The same with its visit file.
+    /// The program with its visit file.
     #[must_use]
     pub(crate) fn with_visits(self, origin: Origin, visits: String) -> Self {
         Self { view: ProgramView { origin: Some(origin), ..self.view }, visits: Some(visits), ..self }

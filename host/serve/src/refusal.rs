@@ -82,7 +82,7 @@ impl Refused {
         Self { kind, text: text.to_string(), place: Place::default() }
     }
 
-    /// The same with the limits of the output that it names.
+    /// The refusal with the limits of the output that it names.
     #[must_use]
     pub(crate) fn with_limit_of(mut self, wiring: &Wiring) -> Self {
         let coil = |output| wiring.coils.iter().find(|coil| coil.output == output);

@@ -54,7 +54,8 @@ pub(crate) struct Upgraded {
 struct Door {
     hub: Arc<Hub>,
     upgraded: Sender<Upgraded>,
-    /// The connection that the thread reads, or is about to: it reads on as long as bytes come, so a later one shuts it.
+    /// A handle of the connection that the thread reads, or reads next. The thread does not leave a message whose bytes still come, so a
+    /// later connection is heard only once this one is shut.
     latest: Arc<Mutex<Option<TcpStream>>>,
 }
 
@@ -137,7 +138,7 @@ fn answer_one(hub: &Hub, line: &mut WebSocket<TcpStream>) -> bool {
             let answer = api::stopped(began, hub.stops().send());
             line.send(Message::text(api::stop_json(&answer))).is_ok()
         }
-        // What keeps a connection open was answered.
+        // A ping, which the library has answered, or the client's farewell: the next read is the end.
         Ok(_) => true,
         Err(tungstenite::Error::Io(error)) => matches!(error.kind(), TimedOut | WouldBlock),
         Err(_) => false,
