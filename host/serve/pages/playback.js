@@ -1,38 +1,67 @@
-// Rows one by one, and a table again and again. The board has neither: it plays a table once, as a whole that keeps its limits.
+// Rows one by one, and a table again and again. The board has neither: it plays a table once, complete, and keeps its limits.
 // A row is set by hand, within the limits of what is set by hand.
+//
+// Each order after the first that a person's click makes says how many stops the page knows of: a stop of anybody outdates it.
 
-import { hasControl, order } from './frame.js';
+import { hasControl, order, showAlert } from './frame.js';
+import { post } from './server.js';
 import { byId, setText } from './format.js';
 
 const RETRY_MS = 1000;
 
-// The row that was set last.
-let row = null;
-// While the table is played again and again: the stops known then, the newest event then, and when it may be played again.
+// The row that was set last, and the table that it is of.
+let last = { table: null, row: null };
+// Rows are set one after the other: the next one counts from the row that is set by then.
+let setting = Promise.resolve();
+// While the table is played again and again: the stops and boots known then, the newest event then, and when it may be played again.
 let loop = null;
 
-export async function setRow(program, index) {
-  const { word, servos_rad: servos } = program.rows[index];
-  if (await order('/api/command', { do: 'word', word })) return;
-  for (const [servo, angle] of servos.entries()) {
-    if (await order('/api/command', { do: 'servo', servo, angle_rad: angle })) return;
-  }
-  row = index;
+function inTurn(act) {
+  setting = setting.then(act, act);
+  return setting;
 }
 
-export const stepBy = (program, by) => setRow(program, Math.min(Math.max((row ?? (by > 0 ? -1 : 1)) + by, 0), program.rows.length - 1));
+async function set(program, row, stops) {
+  const { word, servos_rad: servos } = program.rows[row];
+  if (word && await order('/api/command', { do: 'word', word, stops })) return;
+  for (const [servo, angle] of servos.entries()) {
+    if (await order('/api/command', { do: 'servo', servo, angle_rad: angle, stops })) return;
+  }
+  last = { table: program.digest, row };
+}
 
-// Stops, then sets the row that was due by hand: what holds by its coil alone lets go for the moment between.
+export const setRow = (program, row, { stops }) => inTurn(() => set(program, row, stops));
+
+export function stepBy(program, by, { stops }) {
+  return inTurn(() => {
+    const row = last.table === program.digest ? last.row : null;
+    return set(program, Math.min(Math.max((row ?? (by > 0 ? -1 : 1)) + by, 0), program.rows.length - 1), stops);
+  });
+}
+
+// Stops, then sets the row that was due by hand: what holds by its coil alone lets go for the moment between. Its own stop is the only
+// one that the row may follow, and only where the board has confirmed it.
 export async function pause(program, live) {
   const { row: next } = live.board.phase;
-  if (await order('/api/stop', {})) return;
-  await setRow(program, Math.max((next ?? 1) - 1, 0));
+  showAlert(null);
+  try {
+    const { confirmed } = await post('/api/stop', {});
+    if (!confirmed) {
+      showAlert('The stop was sent, but the board did not confirm it: switch off the supply of the arm.');
+      return;
+    }
+  } catch (error) {
+    showAlert(error.message);
+    return;
+  }
+  await setRow(program, Math.max((next ?? 1) - 1, 0), { stops: live.stops + 1 });
 }
 
-const newest = (live) => live.events.at(-1)?.number ?? 0;
+const newest = (live) => live.events.at(-1)?.number ?? -1;
 
 export function startLoop(live) {
-  loop = { stops: live.stops, after: newest(live), notBefore: 0 };
+  loop = { stops: live.stops, boots: live.board.boots, after: newest(live), notBefore: 0, isPlaying: false };
+  setText(byId('loop-note'), '');
 }
 
 export function endLoop(why) {
@@ -41,20 +70,37 @@ export function endLoop(why) {
   setText(byId('loop-note'), why);
 }
 
-// Plays the table once more when it has finished. A stop of anybody, a fault, and the loss of control end it.
+// Why the table is not played once more; empty where it is.
+function whyEnded(program, live, since) {
+  if (live.stops !== loop.stops) return 'ended by a stop or a lost connection';
+  if (live.board.boots !== loop.boots || since.some((event) => event.kind === 'fault')) return 'ended by a fault or a restart';
+  if (live.recordings?.last?.is_running) return 'ended by a recording';
+  return !hasControl() || live.board.table !== program?.digest ? 'ended: no control, or another table' : '';
+}
+
+// Plays the table once more when it has finished. A stop of anybody, a fault, a recording, and the loss of control end it.
 export async function follow(program, live) {
-  if (!loop || loop.isPlaying) return;
-  const since = live.events.filter((event) => event.number > loop.after);
-  if (live.stops !== loop.stops) return endLoop('ended by a stop');
-  if (since.some((event) => event.kind === 'fault' || event.kind === 'booted')) return endLoop('ended by a fault or a restart');
-  if (!hasControl() || live.board?.table !== program?.digest) return endLoop('ended: no control, or another table');
-  const isDue = live.board.phase.name === 'idle' && (since.some((event) => event.kind === 'finished') || loop.notBefore);
-  if (!isDue || performance.now() < loop.notBefore || live.link.state !== 'live') return;
-  loop.isPlaying = true;
-  const refusal = await order('/api/command', { do: 'play', table: program.digest, stops: loop.stops });
-  if (!loop) return;
-  if (refusal && refusal.kind !== 'refused') return endLoop('ended by a stop');
+  const own = loop;
+  if (!own || own.isPlaying) return;
+  const since = live.events.filter((event) => event.number > own.after);
+  const why = whyEnded(program, live, since);
+  if (why) {
+    endLoop(why);
+    return;
+  }
+  const isDue = live.board.phase.name === 'idle' && (since.some((event) => event.kind === 'finished') || own.notBefore);
+  if (!isDue || performance.now() < own.notBefore || live.link.state !== 'live') return;
+  own.isPlaying = true;
+  const refusal = await order('/api/command', { do: 'play', table: program.digest, stops: own.stops });
+  own.isPlaying = false;
+  // It was ended meanwhile, and perhaps begun again.
+  if (loop !== own) return;
+  if (refusal && refusal.kind !== 'refused') {
+    endLoop(refusal.kind === 'stopped' ? 'ended by a stop or a lost connection' : `ended: ${refusal.message}`);
+    return;
+  }
   // Outputs that were on for long need a pause; the sentence of the refusal is shown.
   setText(byId('loop-note'), refusal ? 'waits until the limits of the outputs allow the next' : '');
-  loop = { ...loop, isPlaying: false, after: refusal ? loop.after : newest(live), notBefore: refusal ? performance.now() + RETRY_MS : 0 };
+  if (refusal) own.notBefore = performance.now() + RETRY_MS;
+  else Object.assign(own, { after: newest(live), notBefore: 0 });
 }

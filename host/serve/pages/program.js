@@ -62,7 +62,7 @@ function setButton(index) {
   button.dataset.needsControl = '';
   button.dataset.ready = String(isLoaded());
   button.setAttribute('aria-label', `Set the arm to row ${index}`);
-  button.addEventListener('click', () => playback.setRow(program, index));
+  button.addEventListener('click', () => playback.setRow(program, index, live));
   return button;
 }
 
@@ -137,6 +137,7 @@ function freeName() {
 
 byId('record').addEventListener('click', async () => {
   setText(byId('record-result'), '');
+  playback.endLoop('');
   await order('/api/record', { table: program.digest, name: byId('record-name').value });
 });
 
@@ -174,7 +175,10 @@ byId('save-visits').addEventListener('click', () => saveFile('visits', program.o
 
 async function fetchProgram(number) {
   shown = number;
-  program = await get('/api/program');
+  const opened = await get('/api/program');
+  // The answer to an earlier request may come after that to a later one.
+  if (shown !== number) return;
+  program = opened;
   byId('no-program').hidden = Boolean(program);
   showOrigin();
   showProgram(program?.refusal ?? null);
@@ -200,11 +204,11 @@ byId('play').addEventListener('click', async () => {
   if (await act('/api/command', { do: 'play', table: program.digest })) playback.endLoop('');
 });
 byId('loop').addEventListener('change', (event) => {
-  if (event.target.checked && live.board?.phase.name === 'playing') playback.startLoop(live);
+  if (event.target.checked && ['approaching', 'playing'].includes(live?.board?.phase.name)) playback.startLoop(live);
   if (!event.target.checked) playback.endLoop('');
 });
 byId('pause').addEventListener('click', () => playback.pause(program, live));
-for (const [id, by] of [['step-back', -1], ['step', 1]]) byId(id).addEventListener('click', () => playback.stepBy(program, by));
+for (const [id, by] of [['step-back', -1], ['step', 1]]) byId(id).addEventListener('click', () => playback.stepBy(program, by, live));
 byId('edit').addEventListener('click', () => editor.take(program));
 
 function running(board) {
@@ -244,14 +248,16 @@ function show(now) {
 
 // Names of the actuators; without an arm there are none.
 async function fetchNames() {
+  let arm;
   try {
-    const arm = await get('/api/arm');
-    if (arm) editor.start(arm);
-    names = arm?.actuators.map((actuator) => actuator.name) ?? [];
-    if (program) showProgram(program.refusal);
+    arm = await get('/api/arm');
   } catch {
     setTimeout(fetchNames, 500);
+    return;
   }
+  names = arm?.actuators.map((actuator) => actuator.name) ?? [];
+  if (program) showProgram(program.refusal);
+  if (arm) editor.start(arm);
 }
 
 onLive(show);

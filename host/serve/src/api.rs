@@ -365,42 +365,34 @@ pub(crate) async fn upload(State(hub): Shared, headers: HeaderMap, Json(request)
     order(&hub, Some(key(&headers)?), Task::Upload(program), None).await
 }
 
+/// `stops` is the count of stops that the page knows of, where the request follows another one of the page and no person has just
+/// ordered it: the next play of many, a servo after the word of its row, a row after the stop of a pause.
 #[derive(Deserialize)]
 #[serde(tag = "do", rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) enum CommandRequest {
-    Play {
-        table: String,
-        /// Number of stops that the page knows of, where it plays the table again by itself.
-        stops: Option<u64>,
-    },
+    Play { table: String, stops: Option<u64> },
     Clear,
-    Coil {
-        coil: u8,
-        on_ms: u32,
-    },
-    Word {
-        word: String,
-    },
-    Servo {
-        servo: u8,
-        angle_rad: f32,
-    },
+    Coil { coil: u8, on_ms: u32 },
+    Word { word: String, stops: Option<u64> },
+    Servo { servo: u8, angle_rad: f32, stops: Option<u64> },
 }
 
 pub(crate) async fn command(State(hub): Shared, headers: HeaderMap, Json(request): Json<CommandRequest>) -> Answer<()> {
     let invalid = |text: &str| Refused::new(Kind::Invalid, text);
-    let mut known_stops = None;
-    let task = match request {
+    let (task, known_stops) = match request {
         CommandRequest::Play { table, stops } => {
-            known_stops = stops;
-            Task::Play { table: digest(&table).ok_or_else(|| invalid("a digest has 64 hexadecimal digits"))? }
+            let table = digest(&table).ok_or_else(|| invalid("a digest has 64 hexadecimal digits"))?;
+            (Task::Play { table }, stops)
         }
-        CommandRequest::Clear => Task::Command(Command::Clear),
-        CommandRequest::Coil { coil, on_ms } => Task::Command(Command::Coil { coil, on_ms }),
-        CommandRequest::Word { word } => Task::Command(Command::Word(
-            word.parse().map_err(|_| invalid("a word has one digit 0 to 3 for each actuator"))?,
-        )),
-        CommandRequest::Servo { servo, angle_rad } => Task::Command(Command::Servo { servo, angle_rad }),
+        CommandRequest::Clear => (Task::Command(Command::Clear), None),
+        CommandRequest::Coil { coil, on_ms } => (Task::Command(Command::Coil { coil, on_ms }), None),
+        CommandRequest::Word { word, stops } => {
+            let word = word.parse().map_err(|_| invalid("a word has one digit 0 to 3 for each actuator"))?;
+            (Task::Command(Command::Word(word)), stops)
+        }
+        CommandRequest::Servo { servo, angle_rad, stops } => {
+            (Task::Command(Command::Servo { servo, angle_rad }), stops)
+        }
     };
     order(&hub, Some(key(&headers)?), task, known_stops).await
 }

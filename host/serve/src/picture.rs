@@ -74,7 +74,7 @@ impl Picture {
 }
 
 impl Tool {
-    /// The same in other numbers.
+    /// A pose as position and rotation vector.
     pub fn of(pose: &Pose<f64>) -> Self {
         Self { position_m: pose.position.into(), rotation_rad: rotation_log(&pose.rotation).into() }
     }

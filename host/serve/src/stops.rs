@@ -118,10 +118,13 @@ impl Stops {
         let requested = self.requested.lock().unwrap_or_else(PoisonError::into_inner);
         while !has_ended() {
             let Ok(first) = requested.recv_timeout(END_CHECK) else { continue };
-            let all: Vec<StopRequest> = std::iter::once(first).chain(requested.try_iter()).collect();
+            let others: Vec<StopRequest> = requested.try_iter().collect();
+            // Each counts: a page that expects its own stop and no other notices the ones that shared it.
+            self.port().count += others.len() as u64;
+            let all = std::iter::once(first).chain(others);
             let outcome = self.send();
             // A page that has left waits no longer.
-            all.into_iter().for_each(|page| drop(page.send(outcome.clone())));
+            all.for_each(|page| drop(page.send(outcome.clone())));
         }
     }
 
