@@ -17,7 +17,18 @@ function load() {
 
 export class Draft {
   constructor() {
+    this.load();
+  }
+
+  // What another page of the tab has made of it since.
+  load() {
     Object.assign(this, load());
+  }
+
+  // Gives each visit an angle for every servo: the draft of a tab may be of another arm, which the server had before.
+  fit(servos) {
+    const fitted = (visit) => ({ ...visit, servosDeg: Array.from({ length: servos }, (_, k) => visit.servosDeg[k] ?? 0) });
+    this.states = this.states.map((state) => ({ ...state, visits: state.visits.map(fitted) }));
   }
 
   get now() {

@@ -271,7 +271,7 @@ fn program() -> Markup {
         }
         section #rows-section aria-labelledby="rows-title" hidden {
             h2 #rows-title { "Rows" }
-            div.buttons { button #edit type="button" { "Edit as a new table" } }
+            div.buttons { button #edit type="button" disabled { "Edit as a new table" } }
             div.scroll.tall tabindex="0" role="region" aria-labelledby="rows-title" {
                 table {
                     thead { tr {

@@ -68,6 +68,80 @@ fn visits_are_edited_undone_switched_on_the_time_line_and_stepped_through() {
     }
 }
 
+/// Key codes of WebDriver.
+const TAB: &str = "\u{E004}";
+const HOME: &str = "\u{E011}";
+const DELETE: &str = "\u{E017}";
+
+/// Types a digit over the first one of a word, and does not leave the field.
+fn type_first_digit(browser: &Browser, selector: &str, digit: &str) {
+    browser.click(selector);
+    for key in [HOME, DELETE, digit] {
+        browser.press(key);
+    }
+}
+
+#[test]
+fn a_field_that_is_left_loses_neither_the_focus_nor_a_click_and_undo_takes_back_what_is_typed() {
+    let Some(browser) = Browser::start(1280) else { return };
+    let bench = Bench::start("planar4.toml");
+    browser.open(&format!("http://{}/program", bench.address()));
+    browser.wait("!document.querySelector('#make-section').hidden");
+    browser.click("#add");
+    let word = "#visits tr:nth-child(1) .word";
+    type_first_digit(&browser, word, "1");
+    browser.press(TAB);
+    assert_eq!(browser.value("document.activeElement.getAttribute('aria-label')"), "Rest of visit 1, s");
+    type_first_digit(&browser, word, "0");
+    browser.click("[aria-label=\"Copy visit 1\"]");
+    assert_eq!(words(&browser), json!(["000000000000", "000000000000"]));
+    browser.click("#undo");
+    assert_eq!(words(&browser), json!(["000000000000"]));
+    type_first_digit(&browser, word, "1");
+    browser.value(
+        "document.activeElement.dispatchEvent(new KeyboardEvent('keydown', { key: 'z', ctrlKey: true, bubbles: true }))",
+    );
+    assert_eq!(words(&browser), json!(["000000000000"]), "only what was typed");
+    browser.click("#undo");
+    assert_eq!(words(&browser), json!(["100000000000"]), "the change before it");
+}
+
+/// Somebody else stops the arm as soon as a request of this page to `path` is answered.
+fn stop_after(browser: &Browser, path: &str) {
+    browser.value(&format!(
+        "(() => {{ const plain = window.fetch; window.fetch = async (path, options) => {{ \
+         const answer = await plain(path, options); \
+         if (path === '{path}') {{ window.fetch = plain; await plain('/api/stop', {{ method: 'POST' }}); }} \
+         return answer; }}; }})()"
+    ));
+}
+
+#[test]
+fn a_stop_of_somebody_else_outdates_what_is_left_of_a_pause_or_a_row() {
+    let Some(browser) = Browser::start(1280) else { return };
+    let bench = Bench::start("planar4-hybrid.toml");
+    let _time = RealTime::start(&bench.board);
+    bench.phase("idle");
+    let word = "1".repeat(bench.wired.arm.n_actuators());
+    assert_eq!(bench.open("long.darm", &bench.table(&[&word], 5.0)).status, 200);
+    browser.open(&format!("http://{}/program", bench.address()));
+    browser.click("#take");
+    browser.click("#upload");
+    let is_outdated = |button: &str| {
+        browser.click(button);
+        browser.wait("document.querySelector('#alert').textContent.includes('a stop came meanwhile')");
+        bench.phase("idle");
+        assert_eq!(bench.pins().0, 0, "{button}");
+    };
+    browser.wait("!document.querySelector('#step').disabled");
+    stop_after(&browser, "/api/command");
+    is_outdated("#step");
+    browser.click("#play");
+    bench.phase("playing");
+    stop_after(&browser, "/api/stop");
+    is_outdated("#pause");
+}
+
 #[test]
 fn a_table_is_played_again_and_again_until_anybody_stops_it() {
     let Some(browser) = Browser::start(1280) else { return };
