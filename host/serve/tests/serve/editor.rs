@@ -68,6 +68,24 @@ fn visits_are_edited_undone_switched_on_the_time_line_and_stepped_through() {
     }
 }
 
+#[test]
+fn a_click_on_the_time_line_gives_an_actuator_only_digits_that_it_has() {
+    let Some(browser) = Browser::start(1280) else { return };
+    let bench = Bench::start("serial2.toml");
+    browser.open(&format!("http://{}/program", bench.address()));
+    browser.wait("!document.querySelector('#make-section').hidden");
+    browser.click("#add");
+    // Two outputs an actuator, which are never on together: three states.
+    for (lane, word) in [(0, "10"), (1, "20"), (0, "10"), (2, "11"), (0, "01")] {
+        browser.wait("!document.querySelector('#make-visits').disabled");
+        browser.value(&format!(
+            "(() => {{ const ground = document.querySelectorAll('#draft .ground')[{lane}]; const box = ground.getBoundingClientRect(); \
+             ground.dispatchEvent(new MouseEvent('click', {{ clientX: box.left + 0.5 * box.width, bubbles: true }})); }})()"
+        ));
+        assert_eq!(words(&browser), json!([word]));
+    }
+}
+
 /// Key codes of WebDriver.
 const TAB: &str = "\u{E004}";
 const HOME: &str = "\u{E011}";
