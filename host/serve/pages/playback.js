@@ -70,7 +70,7 @@ export function endLoop(why) {
   setText(byId('loop-note'), why);
 }
 
-// Why the table is not played once more; empty where it is.
+// Why the table is not played again; empty where it is.
 function whyEnded(program, live, since) {
   if (live.stops !== loop.stops) return 'ended by a stop or a lost connection';
   if (live.board.boots !== loop.boots || since.some((event) => event.kind === 'fault')) return 'ended by a fault or a restart';
@@ -78,7 +78,7 @@ function whyEnded(program, live, since) {
   return !hasControl() || live.board.table !== program?.digest ? 'ended: no control, or another table' : '';
 }
 
-// Plays the table once more when it has finished. A stop of anybody, a fault, a recording, and the loss of control end it.
+// Plays the table again when it has finished. A stop of anybody, a fault, a recording, and the loss of control end it.
 export async function follow(program, live) {
   const own = loop;
   if (!own || own.isPlaying) return;

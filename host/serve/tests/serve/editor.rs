@@ -1,6 +1,6 @@
 //! A person makes a table on the page, goes through it row by row, and plays it again and again.
 
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::board::{Bench, RealTime};
 use super::webdriver::Browser;
@@ -13,8 +13,16 @@ fn fill(browser: &Browser, selector: &str, text: &str) {
     ));
 }
 
-fn words(browser: &Browser) -> serde_json::Value {
+fn words(browser: &Browser) -> Value {
     browser.value("[...document.querySelectorAll('#visits .word')].map((field) => field.value)")
+}
+
+/// Clicks a lane of the draft at this share of its length.
+fn click_time_line(browser: &Browser, lane: usize, at: f64) {
+    browser.value(&format!(
+        "(() => {{ const ground = document.querySelectorAll('#draft .ground')[{lane}]; const box = ground.getBoundingClientRect(); \
+         ground.dispatchEvent(new MouseEvent('click', {{ clientX: box.left + {at} * box.width, clientY: box.top + 2, bubbles: true }})); }})()"
+    ));
 }
 
 #[test]
@@ -32,6 +40,9 @@ fn visits_are_edited_undone_switched_on_the_time_line_and_stepped_through() {
     fill(&browser, "#visits tr:nth-child(2) .word", "00001");
     browser.wait("document.querySelector('#visits tr:nth-child(2)').classList.contains('refused')");
     assert_eq!(browser.value("document.querySelector('#make-visits').disabled"), true);
+    // The time line is still that of the draft before.
+    click_time_line(&browser, 11, 0.75);
+    assert_eq!(words(&browser), json!(["000010000000", "00001"]));
     browser.click("#undo");
     browser.wait("!document.querySelector('#make-visits').disabled");
     assert_eq!(words(&browser), json!(["000010000000", "000010000000"]));
@@ -40,10 +51,7 @@ fn visits_are_edited_undone_switched_on_the_time_line_and_stepped_through() {
     browser.click("#undo");
     browser.wait("!document.querySelector('#make-visits').disabled");
     // The second half of the time line is the second visit.
-    browser.value(
-        "(() => { const ground = document.querySelectorAll('#draft .ground')[11]; const box = ground.getBoundingClientRect(); \
-         ground.dispatchEvent(new MouseEvent('click', { clientX: box.left + 0.75 * box.width, clientY: box.top + 2, bubbles: true })); })()",
-    );
+    click_time_line(&browser, 11, 0.75);
     assert_eq!(words(&browser), json!(["000010000000", "000010000001"]));
     // The draft stays with the tab.
     browser.click("nav a[href=\"/history\"]");
@@ -78,12 +86,26 @@ fn a_click_on_the_time_line_gives_an_actuator_only_digits_that_it_has() {
     // Two outputs an actuator, which are never on together: three states.
     for (lane, word) in [(0, "10"), (1, "20"), (0, "10"), (2, "11"), (0, "01")] {
         browser.wait("!document.querySelector('#make-visits').disabled");
-        browser.value(&format!(
-            "(() => {{ const ground = document.querySelectorAll('#draft .ground')[{lane}]; const box = ground.getBoundingClientRect(); \
-             ground.dispatchEvent(new MouseEvent('click', {{ clientX: box.left + 0.5 * box.width, bubbles: true }})); }})()"
-        ));
+        click_time_line(&browser, lane, 0.5);
         assert_eq!(words(&browser), json!([word]));
     }
+}
+
+/// Another page of the tab has added to the draft, of a server that had an arm without servos.
+#[test]
+fn a_page_that_comes_back_has_the_draft_of_its_tab_with_the_servos_of_its_arm() {
+    let Some(browser) = Browser::start(1280) else { return };
+    let bench = Bench::start("planar4-hybrid.toml");
+    browser.open(&format!("http://{}/program", bench.address()));
+    browser.wait("!document.querySelector('#make-section').hidden");
+    let word = "0".repeat(bench.wired.arm.n_actuators());
+    let visit = json!({"word": word, "servosDeg": [], "dwell": ""});
+    let draft = json!({"states": [{"visits": [visit], "mayRest": false}], "at": 0}).to_string();
+    browser.value(&format!("sessionStorage.setItem('darm-draft', {})", json!(draft)));
+    browser.value("window.dispatchEvent(new PageTransitionEvent('pageshow', { persisted: true }))");
+    assert_eq!(words(&browser), json!([word]));
+    assert_eq!(browser.value("document.querySelector('[aria-label^=\"Angle of servo 0\"]').value"), "0");
+    browser.wait("!document.querySelector('#make-visits').disabled");
 }
 
 /// Key codes of WebDriver.
@@ -160,11 +182,13 @@ fn a_stop_of_somebody_else_outdates_what_is_left_of_a_pause_or_a_row() {
     is_outdated("#pause");
 }
 
-#[test]
-fn a_table_is_played_again_and_again_until_anybody_stops_it() {
-    let Some(browser) = Browser::start(1280) else { return };
-    let bench = Bench::start("planar4.toml");
-    let _time = RealTime::start(&bench.board);
+/// How many programs of the board have finished, as far as its events are shown.
+fn n_finished(live: &Value) -> usize {
+    live["events"].as_array().unwrap().iter().filter(|event| event["kind"] == "finished").count()
+}
+
+/// A page that plays a short table again and again.
+fn play_again_and_again(browser: &Browser, bench: &Bench) {
     bench.phase("idle");
     assert_eq!(bench.open("short.darm", &bench.table(&["000010000000"], 0.2)).status, 200);
     browser.open(&format!("http://{}/program", bench.address()));
@@ -175,15 +199,32 @@ fn a_table_is_played_again_and_again_until_anybody_stops_it() {
     browser.wait("!document.querySelector('#play').disabled");
     browser.click("#loop");
     browser.click("#play");
-    let n_finished = |live: &serde_json::Value| {
-        live["events"].as_array().unwrap().iter().filter(|event| event["kind"] == "finished").count()
-    };
     bench.live(|live| n_finished(live) >= 3);
+}
+
+#[test]
+fn a_table_is_played_again_and_again_until_anybody_stops_it() {
+    let Some(browser) = Browser::start(1280) else { return };
+    let bench = Bench::start("planar4.toml");
+    let _time = RealTime::start(&bench.board);
+    play_again_and_again(&browser, &bench);
     assert_eq!(bench.stop().status, 200);
     browser.wait("!document.querySelector('#loop').checked");
     let before = n_finished(&bench.phase("idle"));
     std::thread::sleep(std::time::Duration::from_millis(1500));
     assert_eq!(n_finished(&bench.phase("idle")), before);
+}
+
+/// Its events count from 0 again: none of them is newer than those of before.
+#[test]
+fn a_table_is_not_played_again_after_a_restart_of_the_board() {
+    let Some(browser) = Browser::start(1280) else { return };
+    let bench = Bench::start("planar4.toml");
+    let _time = RealTime::start(&bench.board);
+    play_again_and_again(&browser, &bench);
+    bench.board.with_board(|board| board.reset()).unwrap();
+    browser.wait("!document.querySelector('#loop').checked");
+    assert_eq!(n_finished(&bench.phase("idle")), 0);
 }
 
 #[test]
