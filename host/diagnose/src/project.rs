@@ -102,8 +102,8 @@ fn open(problem: &Signals, fit: &Fit) -> Vec<usize> {
 
 /// A model judged by the rows that it was fitted to.
 fn in_sample(weighted: Weighted<Signals>, fit: Fit, effect: Option<usize>) -> Trial<Signals> {
-    let predicted = weighted.problem.training_residuals(&fit);
-    weighted.predicting(fit, effect, predicted)
+    let seen_residuals = weighted.problem.training_residuals(&fit);
+    weighted.with_residuals(fit, effect, seen_residuals)
 }
 
 /// The values that fit best with physically consistent bodies; `None` where those of `fit` are consistent already.

@@ -163,15 +163,15 @@ impl Comparison<'_> {
         let is_lost = |residuals: &[f64]| of(residuals).is_none_or(|left| left.log > limit);
         let residuals = match laws {
             Laws::None => experiment.of_rows(&experiment.residuals, false),
-            Laws::All => self.predicted_in_turn(experiment, groups, None, is_lost)?,
-            Laws::AllBut(law) => self.predicted_in_turn(experiment, groups, Some(law), is_lost)?,
+            Laws::All => self.residuals_in_turn(experiment, groups, None, is_lost)?,
+            Laws::AllBut(law) => self.residuals_in_turn(experiment, groups, Some(law), is_lost)?,
         };
         Ok(of(&residuals))
     }
 
     /// Residuals of the training rows, each of a fit with every law at every place that has not seen it; a law that fits best
     /// with an impossible size, a friction below zero, is left out, unless the reading is lost with it.
-    fn predicted_in_turn(
+    fn residuals_in_turn(
         &self,
         experiment: Experiment,
         groups: Groups,
@@ -189,12 +189,12 @@ impl Comparison<'_> {
                 values.into_iter().all(|(index, value)| best.fit.values[index] >= value.min)
             };
             let possible: Vec<usize> = best.fit.active.iter().copied().filter(can_be).collect();
-            if possible.len() == best.fit.active.len() || is_lost(&best.predicted) {
+            if possible.len() == best.fit.active.len() || is_lost(&best.unseen_residuals) {
                 break;
             }
             best = problem.fitted(possible)?;
         }
-        Ok(best.predicted)
+        Ok(best.unseen_residuals)
     }
 }
 

@@ -100,17 +100,12 @@ pub(crate) struct Contest {
 }
 
 impl Contest {
-    /// The reading, unless a model of these effects leaves no more of the training rows, `predicted` by fits that have not seen
-    /// them, and does not say the same in other words.
-    pub(crate) fn lost(
-        self,
-        experiment: &Experiment,
-        predicted: &[f64],
-        effects: &[ModelEffect],
-    ) -> Option<OtherReading> {
+    /// The reading, unless a model of these effects leaves no more of the training rows and does not say the same in other
+    /// words; `unseen` are its residuals of these rows, each of a fit that has not seen the row.
+    pub(crate) fn lost(self, experiment: &Experiment, unseen: &[f64], effects: &[ModelEffect]) -> Option<OtherReading> {
         let training = Training::of(experiment)?;
         let measured = variation(experiment, &training.measured);
-        let axes = AxisLeft::of_norm(experiment.n_norm, experiment.axes.len(), predicted, &measured);
+        let axes = AxisLeft::of_norm(experiment.n_norm, experiment.axes.len(), unseen, &measured);
         let log: f64 = axes.iter().map(AxisLeft::log).sum();
         (log > self.log || effects.iter().any(|effect| self.is_said_by(effect))).then_some(self.reading)
     }
@@ -183,8 +178,8 @@ mod tests {
         };
         let misreading = Misreading::OtherZero { column: "q1".into(), zero: FRAC_PI_2 };
         let contest = Contest { reading: other_reading(misreading, 0.007, &experiment), log: 0.01f64.ln() };
-        let predicted: Vec<f64> = measured.iter().map(|measured| left * measured).collect();
-        contest.lost(&experiment, &predicted, effects).is_some()
+        let unseen: Vec<f64> = measured.iter().map(|measured| left * measured).collect();
+        contest.lost(&experiment, &unseen, effects).is_some()
     }
 
     fn joint_offset(angle: f64) -> ModelEffect {

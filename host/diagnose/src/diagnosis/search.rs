@@ -63,7 +63,7 @@ pub(super) fn select(
         }
     }
     let lost = contest.and_then(|contest| {
-        contest.lost(&found.problem.experiment, &found.best.predicted, &in_model(&found.problem, &found.best))
+        contest.lost(&found.problem.experiment, &found.best.unseen_residuals, &in_model(&found.problem, &found.best))
     });
     if let Some(reading) = lost {
         found.best = found.problem.fitted(found.best.fit.active[..found.n_known].to_vec())?;

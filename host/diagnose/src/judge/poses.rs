@@ -48,7 +48,8 @@ pub(crate) fn judge(
         unconfirmed.iter().map(|(effect, _)| format!("{} at {}", effect.law, effect.site.name)).collect();
     // They help together, and none of them by itself.
     let none_alone = named.is_empty() && effects.len() > 1;
-    let explained = agreement::poses::explained(arm, selected.run, problem.training.distances_m(&best.predicted));
+    let explained =
+        agreement::poses::explained(arm, selected.run, problem.training.distances_m(&best.unseen_residuals));
     let beyond_repeats = |trial: &Trial<ToolPoses>| Ok::<_, NoPose>(exceeds_noise(&left(selected, trial)?));
     let evidence = Evidence {
         agrees: selected.agreement.allows(effects.len(), explained),

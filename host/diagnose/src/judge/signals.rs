@@ -71,7 +71,7 @@ pub(crate) fn judge(
     let after = problem.experiment.at(&best.fit.values);
     let scatter = scatter::scatter(&problem.experiment, &after, is_filtered);
     let sigma = &best.weighting.sigma;
-    let explained = agreement::signals::explained(&problem.experiment, &best.predicted);
+    let explained = agreement::signals::explained(&problem.experiment, &best.unseen_residuals);
     let n_fitted = problem.indices(&best.fit.active).len();
     let rest = Rest::of(&problem.experiment, &after, n_fitted, scatter.as_ref());
     let memory = if is_filtered { Vec::new() } else { remaining::memory(problem, best) };

@@ -31,7 +31,7 @@ pub(crate) fn summary(
         left_out: "words",
         error: BeforeAfter {
             before: errors(arm, problem, &arm.model, &nominal)?,
-            after: errors(arm, problem, &best.fit.model, &best.predicted)?,
+            after: errors(arm, problem, &best.fit.model, &best.unseen_residuals)?,
         },
         other_reading: selected.agreement.other_reading(),
         outliers: outliers(selected),

@@ -40,7 +40,7 @@ pub(super) fn cross_validated(
     let linear = Linear { columns, residuals, n_axes };
     let full = linear.step(&all, &all, REWEIGHTINGS);
     let first = weights(&moved(columns, residuals, &full), n_axes);
-    let mut predicted = residuals.to_vec();
+    let mut unseen = residuals.to_vec();
     for fold in 0..=folds.iter().copied().max().unwrap_or_default() {
         let counts: Vec<f64> = folds.iter().map(|own| if *own == fold { 0.0 } else { 1.0 }).collect();
         let after = match steps {
@@ -53,10 +53,10 @@ pub(super) fn cross_validated(
         };
         for (row, _) in counts.iter().enumerate().filter(|(_, counts)| **counts == 0.0) {
             let range = row * n_axes..(row + 1) * n_axes;
-            predicted[range.clone()].copy_from_slice(&after[range]);
+            unseen[range.clone()].copy_from_slice(&after[range]);
         }
     }
-    predicted
+    unseen
 }
 
 /// The columns of a model with its steps at the moments that some of the rows give, and residuals without these steps.

@@ -103,7 +103,7 @@ impl<'a> Factored<'a> {
 
     /// The model itself.
     pub(crate) fn trial(&self, effect: Option<usize>) -> Trial<Signals> {
-        self.predicted(self.active.clone(), effect, self.each(|part| part.values.clone()))
+        self.cross_validated(self.active.clone(), effect, self.each(|part| part.values.clone()))
     }
 
     /// The model without some of its candidates.
@@ -114,7 +114,7 @@ impl<'a> Factored<'a> {
         let mut unit = DMatrix::zeros(self.indices.len(), at.len());
         at.iter().enumerate().for_each(|(column, &row)| unit[(row, column)] = 1.0);
         let active = self.active.iter().copied().filter(|k| !dropped.contains(k)).collect();
-        Ok(self.predicted(active, None, self.each(|part| part.without(&at, &unit))))
+        Ok(self.cross_validated(active, None, self.each(|part| part.without(&at, &unit))))
     }
 
     /// The models with more candidates, each move's beside this one's.
@@ -150,8 +150,8 @@ impl<'a> Factored<'a> {
         systems.map(|(system, part)| system.unscaled(&self.indices, &values(part))).collect()
     }
 
-    /// A model with its values in each system.
-    fn predicted(&self, active: Vec<usize>, effect: Option<usize>, mut values: Vec<Vec<f64>>) -> Trial<Signals> {
+    /// A model with its values in each system, cross-validated by those of the systems without a fold.
+    fn cross_validated(&self, active: Vec<usize>, effect: Option<usize>, mut values: Vec<Vec<f64>>) -> Trial<Signals> {
         let of_all_rows = values.pop().expect("the last system is that of all rows");
         let columns = &self.weighted.weighting.linearised.columns;
         let moved: Vec<Vec<f64>> =

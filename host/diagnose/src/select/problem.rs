@@ -103,7 +103,7 @@ pub trait RegressionProblem: Sized {
     fn refitted(&self, trial: &Trial<Self>) -> Result<Trial<Self>, Self::Error>;
 
     /// The loss of residuals of rows that no fit has seen, in their units, under a weighting.
-    fn loss(&self, weighting: &Self::Weighting, predicted: &[f64]) -> Loss;
+    fn loss(&self, weighting: &Self::Weighting, unseen: &[f64]) -> Loss;
 
     /// By how much the residuals `after` of rows that no fit has seen are less than those `before`.
     fn loss_reduction(&self, weighting: &Self::Weighting, before: &[f64], after: &[f64]) -> LossReduction;
@@ -138,8 +138,8 @@ pub struct Trial<P: RegressionProblem> {
     pub effect: Option<P::Effect>,
     /// The model with it.
     pub fit: P::Fit,
-    /// Cross-validated residuals.
-    pub predicted: Vec<f64>,
+    /// Cross-validated residuals: each as a fit that has not seen its row leaves it.
+    pub unseen_residuals: Vec<f64>,
     /// How rows and axes counted in its fit.
     pub weighting: Arc<P::Weighting>,
     /// Cross-validated error, root mean square, in the unit of the problem's norm.
@@ -151,7 +151,7 @@ impl<P: RegressionProblem> Clone for Trial<P> {
         Self {
             effect: self.effect.clone(),
             fit: self.fit.clone(),
-            predicted: self.predicted.clone(),
+            unseen_residuals: self.unseen_residuals.clone(),
             weighting: Arc::clone(&self.weighting),
             error: self.error,
         }
@@ -188,7 +188,7 @@ impl<P: RegressionProblem> Copy for Weighted<'_, P> {}
 
 impl<P: RegressionProblem> Weighted<'_, P> {
     fn loss(&self, trial: &Trial<P>) -> f64 {
-        self.problem.loss(self.weighting, &trial.predicted).0
+        self.problem.loss(self.weighting, &trial.unseen_residuals).0
     }
 
     /// Whether one model's loss is lower than another's.
@@ -231,6 +231,6 @@ impl<P: RegressionProblem> Weighted<'_, P> {
 
     /// By how much one model predicts rows that its fit has not seen better than another does.
     pub fn reduction(&self, before: &Trial<P>, after: &Trial<P>) -> LossReduction {
-        self.problem.loss_reduction(self.weighting, &before.predicted, &after.predicted)
+        self.problem.loss_reduction(self.weighting, &before.unseen_residuals, &after.unseen_residuals)
     }
 }

@@ -143,8 +143,8 @@ impl RegressionProblem for Signals {
         Ok(Trial { weighting: Arc::clone(&trial.weighting), ..refitted })
     }
 
-    fn loss(&self, weighting: &Weighting, predicted: &[f64]) -> Loss {
-        Loss::new(weighting.losses(predicted).sum())
+    fn loss(&self, weighting: &Weighting, unseen: &[f64]) -> Loss {
+        Loss::new(weighting.losses(unseen).sum())
     }
 
     fn loss_reduction(&self, weighting: &Weighting, before: &[f64], after: &[f64]) -> LossReduction {

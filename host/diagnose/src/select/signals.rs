@@ -161,7 +161,7 @@ impl Signals {
             systems: Arc::default(),
             sums: Arc::new(DMatrix::zeros(0, 0)),
         });
-        Trial { effect: None, fit, predicted: Vec::new(), weighting, error: f64::INFINITY }
+        Trial { effect: None, fit, unseen_residuals: Vec::new(), weighting, error: f64::INFINITY }
     }
 
     /// The numbers of the values of these candidates among all values.
@@ -308,16 +308,16 @@ impl Weighted<'_, Signals> {
     /// A model with its values, and what those of the other folds add in the rows of each.
     pub(super) fn trial(&self, fit: Fit, effect: Option<usize>, moved: &[&[f64]]) -> Trial<Signals> {
         let Linearised { columns, zero } = &*self.weighting.linearised;
-        let mut predicted = vec![0.0; zero.len()];
-        moved.iter().enumerate().for_each(|(fold, moved)| columns.put(fold, moved, &mut predicted));
-        predicted.iter_mut().zip(zero).for_each(|(moved, zero)| *moved += zero);
-        self.predicting(fit, effect, predicted)
+        let mut unseen_residuals = vec![0.0; zero.len()];
+        moved.iter().enumerate().for_each(|(fold, moved)| columns.put(fold, moved, &mut unseen_residuals));
+        unseen_residuals.iter_mut().zip(zero).for_each(|(moved, zero)| *moved += zero);
+        self.with_residuals(fit, effect, unseen_residuals)
     }
 
-    /// A model that leaves these residuals of the training rows.
-    pub(crate) fn predicting(&self, fit: Fit, effect: Option<usize>, predicted: Vec<f64>) -> Trial<Signals> {
-        let error = self.problem.norm(&predicted);
-        Trial { effect, fit, predicted, weighting: Arc::clone(self.weighting), error }
+    /// A model that is compared by these residuals of the training rows.
+    pub(crate) fn with_residuals(&self, fit: Fit, effect: Option<usize>, unseen_residuals: Vec<f64>) -> Trial<Signals> {
+        let error = self.problem.norm(&unseen_residuals);
+        Trial { effect, fit, unseen_residuals, weighting: Arc::clone(self.weighting), error }
     }
 
     /// The values of a model that fit all training rows best.

@@ -175,7 +175,7 @@ impl ToolPoses {
     ///
     /// The model has no pose for a row that is held out.
     pub fn held_out_m(&self, trial: &Trial<Self>) -> Result<f64, NoPose> {
-        self.held_out_m_of(&trial.fit.model, &trial.predicted)
+        self.held_out_m_of(&trial.fit.model, &trial.unseen_residuals)
     }
 
     /// The same of a model that leaves these residuals of the training rows when they are held out in turn.
@@ -210,9 +210,9 @@ impl ToolPoses {
     }
 
     fn judged(&self, fit: Fit, effect: Option<Effect<f64>>, steps: &[change_point::Step]) -> Trial<Self> {
-        let predicted = cross_validated(&fit.columns, &fit.residuals, &self.training, &self.folds, steps);
-        let error = root_mean_square(&self.training.distances_m(&predicted));
-        Trial { effect, fit, predicted, weighting: Arc::default(), error }
+        let unseen_residuals = cross_validated(&fit.columns, &fit.residuals, &self.training, &self.folds, steps);
+        let error = root_mean_square(&self.training.distances_m(&unseen_residuals));
+        Trial { effect, fit, unseen_residuals, weighting: Arc::default(), error }
     }
 }
 
@@ -331,8 +331,8 @@ impl RegressionProblem for ToolPoses {
         Ok(Trial { effect: better.fit.model.effects.last().copied(), ..better })
     }
 
-    fn loss(&self, (): &(), predicted: &[f64]) -> Loss {
-        Loss::new(losses(predicted, self.training.n_axes()).iter().sum())
+    fn loss(&self, (): &(), unseen: &[f64]) -> Loss {
+        Loss::new(losses(unseen, self.training.n_axes()).iter().sum())
     }
 
     fn loss_reduction(&self, (): &(), before: &[f64], after: &[f64]) -> LossReduction {
