@@ -153,7 +153,7 @@ fn read_in_fahrenheit(
     let start = other.fitted(&arm.model).map_err(no_trial)?;
     let Selection { best: with, .. } = forward_selection(&other, start, Vec::new()).map_err(no_trial)?;
     let n_effects = |trial: &Trial<ToolPoses>| trial.fit.model.effects.len();
-    let is_better = problem.under(best).reduction(best, &with).p < options.levels.discovery;
+    let is_better = problem.under(best).predicts_better(&with, best, options.levels.discovery);
     let reading = OtherReading {
         misreading: Misreading::Fahrenheit,
         as_read: Some(Number::new(best.error, "m")),

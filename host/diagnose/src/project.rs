@@ -75,7 +75,7 @@ fn with_consistent_bodies(problem: &Signals, best: Trial<Signals>) -> Result<Tri
     let Some(consistent) = consistent(weighted, &best.fit) else { return Ok(best) };
     let free = in_sample(weighted, best.fit, best.effect);
     let mut best = in_sample(weighted, consistent, best.effect);
-    while weighted.reduction(&best, &free).p < RIVAL_LEVEL {
+    while weighted.predicts_better(&free, &best, RIVAL_LEVEL) {
         let open: Vec<usize> = open(problem, &best.fit);
         let tried = open.iter().map(|&candidate| {
             problem.progress().check()?;
@@ -87,7 +87,7 @@ fn with_consistent_bodies(problem: &Signals, best: Trial<Signals>) -> Result<Tri
             trial.as_ref().map_or(true, |trial| trial.effect.is_some_and(|added| can_be(problem, &trial.fit, added)))
         };
         match weighted.lowest(tried.filter(is_possible), |trial| trial)? {
-            Some(next) if weighted.reduction(&best, &next).p * (open.len() as f64) < DISCOVERY_LEVEL => best = next,
+            Some(next) if weighted.predicts_better_among(&next, &best, open.len(), DISCOVERY_LEVEL) => best = next,
             _ => break,
         }
     }

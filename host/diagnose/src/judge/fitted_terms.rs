@@ -56,7 +56,7 @@ fn add_terms(
     base: &Trial<ToolPoses>,
     depends_on: &mut [Dependence],
 ) -> Result<Trial<ToolPoses>, NoTrial> {
-    let (mut with, n_tried) = (base.clone(), depends_on.len() as f64);
+    let (mut with, n_tried) = (base.clone(), depends_on.len());
     let mut held_out_m = problem.held_out_m(base)?;
     for dependence in depends_on.iter_mut().filter(|dependence| !dependence.terms.is_empty()) {
         let frame = dependence.frame.unwrap_or(Frame::Tool);
@@ -67,7 +67,7 @@ fn add_terms(
         let trial = has_room.then(|| problem.fitted(&model).ok()).flatten();
         problem.progress().check()?;
         let Some(trial) = trial else { continue };
-        let is_gain = problem.under(&with).reduction(&with, &trial).p * n_tried < DISCOVERY_LEVEL;
+        let is_gain = problem.under(&with).predicts_better_among(&trial, &with, n_tried, DISCOVERY_LEVEL);
         if is_gain && !replaces_rejected(problem, &with, &trial)? {
             let left_m = problem.held_out_m(&trial)?;
             dependence.held_out_gain = Some(Number::new(held_out_m - left_m, "m"));

@@ -32,12 +32,12 @@ pub(super) fn backward_elimination(problem: &Signals, start: &Trial<Signals>) ->
     let known = start.fit.active.clone();
     let full = problem.fitted(every_law(problem, &known))?;
     let shaped = best_shapes(problem, full, known.len())?;
-    let (best, path) = without_unmissed(problem, shaped, known.len())?;
-    unless_empty_is_as_good(problem, known, best, path)
+    let (best, path) = eliminate(problem, shaped, known.len())?;
+    or_empty(problem, known, best, path)
 }
 
-/// What is left of a model, and what went and what stayed; the first `n_known` always stay.
-pub(super) fn without_unmissed(problem: &Signals, mut best: Trial<Signals>, n_known: usize) -> Selected {
+/// What elimination leaves of a model, and what went and what stayed; the first `n_known` always stay.
+pub(super) fn eliminate(problem: &Signals, mut best: Trial<Signals>, n_known: usize) -> Selected {
     let n_tried = every_law(problem, &best.fit.active[..n_known]).len() - n_known;
     let mut path = Vec::new();
     for _ in 0..SWEEPS {
@@ -68,18 +68,13 @@ pub(super) fn all_laws(problem: &Signals, start: &Trial<Signals>) -> Selected {
         let step = |(_, places): &(Law, Vec<usize>)| Ok(step(problem, places, &best, &model.without(places)?, true));
         laws.iter().map(step).collect::<Result<_, Cancelled>>()?
     };
-    unless_empty_is_as_good(problem, known, best, path)
+    or_empty(problem, known, best, path)
 }
 
-/// A model and its path, or the one without any effect where they do not help together.
-fn unless_empty_is_as_good(
-    problem: &Signals,
-    known: Vec<usize>,
-    best: Trial<Signals>,
-    path: Vec<SelectionStep>,
-) -> Selected {
+/// A model and its path; the model without any effect, and no path, where all effects do not help together.
+fn or_empty(problem: &Signals, known: Vec<usize>, best: Trial<Signals>, path: Vec<SelectionStep>) -> Selected {
     let empty = judged(problem.under(&best), known, None)?;
-    let is_better = problem.under(&best).reduction(&empty, &best).p < DISCOVERY_LEVEL;
+    let is_better = problem.under(&best).predicts_better(&best, &empty, DISCOVERY_LEVEL);
     Ok(if is_better { (best, path) } else { (empty, Vec::new()) })
 }
 
@@ -151,7 +146,7 @@ fn sweep(problem: &Signals, start: Trial<Signals>, n_known: usize, n_tried: usiz
     for (effect, _) in order {
         problem.progress.add_tried(1);
         let without = model.without(&[effect])?;
-        let kept = under.reduction(&without, &best).p <= FALSE_SHARE * n_left as f64 / n_tried as f64;
+        let kept = under.predicts_better(&best, &without, FALSE_SHARE * n_left as f64 / n_tried as f64);
         path.push(step(problem, &[effect], &best, &without, kept));
         if !kept {
             best = without;

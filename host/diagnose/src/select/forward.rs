@@ -87,7 +87,7 @@ pub fn forward_selection<P: RegressionProblem>(
             best = refitted.remove(first);
             rivals = refitted;
             let n_added = problem.n_effects(&best.fit) - n_before;
-            while let Some(without) = without_superfluous(problem, &best, [n_known, n_tried, n_added])? {
+            while let Some(without) = drop_one(problem, &best, [n_known, n_tried, n_added])? {
                 best = without;
                 rivals.clear();
             }
@@ -187,7 +187,7 @@ fn first_significant<P: RegressionProblem>(
 
 /// Whether an effect, one of `n_tried`, predicts rows that it was not fitted to.
 fn is_significant<P: RegressionProblem>(problem: &P, without: &Trial<P>, with: &Trial<P>, n_tried: usize) -> bool {
-    problem.under(without).reduction(without, with).p * (n_tried as f64) < problem.policy().discovery_level
+    problem.under(without).predicts_better_among(with, without, n_tried, problem.policy().discovery_level)
 }
 
 /// The best model in which one selected effect is exchanged for another, where that predicts unseen rows better.
@@ -200,7 +200,7 @@ fn exchanged<P: RegressionProblem>(problem: &P, best: &Trial<P>, n_known: usize)
         let Some(tried) = under.lowest(all, |trial| trial)? else { continue };
         let Some(tried) = refitted_where_possible(problem, &tried)? else { continue };
         let gain = under.gain(better.as_ref().unwrap_or(best), &tried);
-        if gain > MIN_GAIN && under.reduction(best, &tried).p < RIVAL_LEVEL {
+        if gain > MIN_GAIN && under.predicts_better(&tried, best, RIVAL_LEVEL) {
             better = Some(tried);
         }
     }
@@ -210,7 +210,7 @@ fn exchanged<P: RegressionProblem>(problem: &P, best: &Trial<P>, n_known: usize)
 /// The model without an effect that is superfluous: one that would not be selected beside those that came later; where laws
 /// overlap, one that is worth nothing at all. The last one stays where it came by itself; of a law that came at `n_added`
 /// places each must be worth something, by as many tests.
-fn without_superfluous<P: RegressionProblem>(
+fn drop_one<P: RegressionProblem>(
     problem: &P,
     best: &Trial<P>,
     [n_known, n_tried, n_added]: [usize; 3],
@@ -224,7 +224,7 @@ fn without_superfluous<P: RegressionProblem>(
         let without = neighbours.with_one_less(dropped)?;
         let level = if dropped + n_added < n { RIVAL_LEVEL } else { RIVAL_LEVEL / n_added as f64 };
         let is_missed = match problem.policy().laws_overlap {
-            true => problem.under(best).reduction(&without, best).p <= level,
+            true => problem.under(best).predicts_better(best, &without, level),
             false => is_significant(problem, &without, best, n_tried),
         };
         if !is_missed {

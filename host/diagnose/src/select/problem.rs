@@ -229,6 +229,18 @@ impl<P: RegressionProblem> Weighted<'_, P> {
         Ok(lowest.map(|(_, element)| element))
     }
 
+    /// Whether a model predicts rows that no fit has seen better `than` another does: by so much that chance, where it does
+    /// not, is less than `level`.
+    pub fn predicts_better(&self, better: &Trial<P>, than: &Trial<P>, level: f64) -> bool {
+        self.predicts_better_among(better, than, 1, level)
+    }
+
+    /// Whether one of `n_tried` models predicts better `than` another, so that chance is less than `level` for all of them
+    /// together (Bonferroni).
+    pub fn predicts_better_among(&self, better: &Trial<P>, than: &Trial<P>, n_tried: usize, level: f64) -> bool {
+        self.reduction(than, better).p * (n_tried as f64) < level
+    }
+
     /// By how much one model predicts rows that its fit has not seen better than another does.
     pub fn reduction(&self, before: &Trial<P>, after: &Trial<P>) -> LossReduction {
         self.problem.loss_reduction(self.weighting, &before.unseen_residuals, &after.unseen_residuals)

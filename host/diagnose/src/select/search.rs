@@ -1,12 +1,12 @@
 //! The selection for signals: forward, backward and simplification, in the order that the kind of priors asks for.
 
-use super::backward::{Selected, all_laws, backward_elimination, without_unmissed};
+use super::backward::{Selected, all_laws, backward_elimination, eliminate};
 use super::factored::judged;
 use super::forward::forward_selection;
 use super::problem::{RegressionProblem as _, Trial};
 use super::signals::Signals;
 use super::significance::RIVAL_LEVEL;
-use super::simplify::{simplified, smaller_if_as_good};
+use super::simplify::{simpler_of, simplified};
 
 /// The same where another search near this one selected `before`: the better one of the model that is selected here and of what
 /// is left of that one.
@@ -15,10 +15,10 @@ use super::simplify::{simplified, smaller_if_as_good};
 ///
 /// The diagnosis was given up.
 pub fn select_again(problem: &Signals, known: Vec<usize>, before: Vec<usize>) -> Selected {
-    let (left, path_left) = without_unmissed(problem, problem.fitted(before)?, known.len())?;
+    let (left, path_left) = eliminate(problem, problem.fitted(before)?, known.len())?;
     let (selected, path) = select(problem, known)?;
     let left = problem.refitted(&judged(problem.under(&selected), left.fit.active, None)?)?;
-    if smaller_if_as_good(problem, &selected, &left).fit.active == selected.fit.active {
+    if simpler_of(problem, &selected, &left).fit.active == selected.fit.active {
         return Ok((selected, path));
     }
     Ok((problem.reweight_until_converged(left)?, path_left))
@@ -46,9 +46,9 @@ pub fn select(problem: &Signals, known: Vec<usize>) -> Selected {
 fn sparse_or_full(problem: &Signals, start: &Trial<Signals>) -> Selected {
     let sparse = forward_selection(problem, start.clone(), Vec::new())?;
     let (full, path) = all_laws(problem, start)?;
-    Ok(match problem.under(&full).reduction(&sparse.best, &full).p > RIVAL_LEVEL {
-        true => (sparse.best, sparse.path),
-        false => (full, path),
+    Ok(match problem.under(&full).predicts_better(&full, &sparse.best, RIVAL_LEVEL) {
+        true => (full, path),
+        false => (sparse.best, sparse.path),
     })
 }
 
@@ -57,7 +57,7 @@ fn forward_and_backward(problem: &Signals, start: &Trial<Signals>) -> Selected {
     let grown = forward_selection(problem, start.clone(), Vec::new())?;
     let (left, path) = backward_elimination(problem, start)?;
     let grown_best = problem.refitted(&judged(problem.under(&left), grown.best.fit.active, None)?)?;
-    if smaller_if_as_good(problem, &grown_best, &left).fit.active != left.fit.active {
+    if simpler_of(problem, &grown_best, &left).fit.active != left.fit.active {
         return Ok((grown_best, grown.path));
     }
     let more = forward_selection(problem, left, path)?;

@@ -32,16 +32,12 @@ pub(crate) const MAX_COMPARED: usize = 6;
 const TOGETHER: f64 = 0.5;
 
 /// The better one of two models: the smaller one, unless the other predicts unseen rows better by more than chance.
-pub(super) fn smaller_if_as_good<'t>(
-    problem: &Signals,
-    a: &'t Trial<Signals>,
-    b: &'t Trial<Signals>,
-) -> &'t Trial<Signals> {
+pub(super) fn simpler_of<'t>(problem: &Signals, a: &'t Trial<Signals>, b: &'t Trial<Signals>) -> &'t Trial<Signals> {
     let under = problem.under(a);
     let (low, high) = if under.is_lower(b, a) { (b, a) } else { (a, b) };
     let is_smaller = problem.n_values(&high.fit) < problem.n_values(&low.fit);
     let is_free = |fit: &Fit| !fit.active.iter().any(|&k| problem.experiment.candidates[k].has_prior());
-    if is_smaller && is_free(&low.fit) && under.reduction(high, low).p > RIVAL_LEVEL { high } else { low }
+    if is_smaller && is_free(&low.fit) && !under.predicts_better(low, high, RIVAL_LEVEL) { high } else { low }
 }
 
 /// A model that takes the place of another; `None` where none does.
@@ -102,7 +98,8 @@ fn uncoupled_at(problem: &Signals, best: &Trial<Signals>, n_known: usize, sum: u
         judged(under, active, None)
     });
     let lowest = under.lowest(trials, |trial| trial)?;
-    Ok(lowest.filter(|lowest| difference >= n_known && under.reduction(lowest, best).p > RIVAL_LEVEL))
+    let is_as_good = |lowest: &Trial<Signals>| !under.predicts_better(best, lowest, RIVAL_LEVEL);
+    Ok(lowest.filter(|lowest| difference >= n_known && is_as_good(lowest)))
 }
 
 /// The candidates that a model spans already with several of its effects together, with another law or elsewhere.
@@ -168,7 +165,7 @@ fn replaced(problem: &Signals, best: &Trial<Signals>, n_known: usize, other: usi
         let own = &now.fit.active;
         let open = own[n_known..].iter().filter(|&&k| k != other);
         let tried = weighted.lowest(open.map(|&k| model.without(&[k])), |trial| trial)?;
-        let Some(without) = tried.filter(|without| weighted.reduction(without, &now).p > RIVAL_LEVEL) else {
+        let Some(without) = tried.filter(|without| !weighted.predicts_better(&now, without, RIVAL_LEVEL)) else {
             break;
         };
         model = Factored::new(weighted, without.fit.active)?;
@@ -176,7 +173,7 @@ fn replaced(problem: &Signals, best: &Trial<Signals>, n_known: usize, other: usi
     }
     let now = problem.refitted(&now)?;
     let is_smaller = problem.n_values(&now.fit) < problem.n_values(&best.fit);
-    Ok((is_smaller && weighted.reduction(&now, best).p > RIVAL_LEVEL).then_some(now))
+    Ok((is_smaller && !weighted.predicts_better(best, &now, RIVAL_LEVEL)).then_some(now))
 }
 
 /// Of all effects of a model whether each is only a surrogate of others at its place; the first `n_known` are named anyway.

@@ -192,7 +192,7 @@ impl ToolPoses {
     /// Held-out rows which the effects change by too little to show it, or in a single word, do not veto what the others show,
     /// unless the error rises there.
     pub(crate) fn held_out_falls(&self, before: &Trial<Self>, after: &Trial<Self>) -> Result<bool, NoPose> {
-        let falls_in_turn = self.under(before).reduction(before, after).p < self.levels.confirmation;
+        let falls_in_turn = self.under(before).predicts_better(after, before, self.levels.confirmation);
         if self.held_out.rows.is_empty() {
             return Ok(falls_in_turn);
         }
