@@ -53,10 +53,20 @@ pub struct Selection<P: RegressionProblem> {
     pub path: Vec<SelectionStep>,
 }
 
-/// The models tried in one step, the best first, and the steps that report all of them.
+/// The models with one effect more than the best one before, those with the lowest loss first.
 struct Tried<P: RegressionProblem> {
+    /// Each fitted linearly.
+    screened: Vec<Trial<P>>,
+    /// The most promising of them, fitted in full.
     refitted: Vec<Trial<P>>,
-    steps: Vec<SelectionStep>,
+}
+
+/// A candidate that the path reports.
+struct Reported<'t, P: RegressionProblem> {
+    name: CandidateName,
+    trial: &'t Trial<P>,
+    /// Its number among those fitted in full; `None` of one that was judged by its linear fit only.
+    refitted: Option<usize>,
 }
 
 /// Selects effects beside those of `start`; `path` has what was tried before, which counts among the effects tried.
@@ -78,14 +88,28 @@ pub fn forward_selection<P: RegressionProblem>(
             break;
         }
         let step = problem.n_effects(&best.fit) - n_known;
-        let Tried { mut refitted, steps } = try_candidates(problem, &best, step)?;
-        append(&mut path, steps);
-        let n_tried = path.iter().filter(|tried: &&SelectionStep| tried.step == step).count();
-        if let Some(first) = first_significant(problem, &best, &refitted, n_tried) {
-            mark_kept(problem, &mut path, &refitted[first]);
+        let mut tried = try_candidates(problem, &best)?;
+        let before: Vec<&SelectionStep> = path.iter().filter(|old| old.step == step).collect();
+        let reported = tried.reported(problem, &before);
+        let n_tried = before.len() + reported.len();
+        let kept = first_significant(problem, &best, &tried.refitted, n_tried);
+        path.extend(reported.into_iter().map(|candidate| {
+            let Reported { name, trial, refitted } = candidate;
+            SelectionStep {
+                step,
+                candidate: name,
+                values: problem.n_values(&trial.fit) - problem.n_values(&best.fit),
+                cross_validated: trial.error,
+                without: best.error,
+                p: chance(problem, &best, trial, tried.screened.len()),
+                refined: refitted.is_some(),
+                kept: refitted.is_some() && refitted == kept,
+            }
+        }));
+        if let Some(kept) = kept {
             let n_before = problem.n_effects(&best.fit);
-            best = refitted.remove(first);
-            rivals = refitted;
+            best = tried.refitted.remove(kept);
+            rivals = tried.refitted;
             let n_added = problem.n_effects(&best.fit) - n_before;
             while let Some(without) = drop_one(problem, &best, [n_known, n_tried, n_added])? {
                 best = without;
@@ -107,30 +131,38 @@ pub fn forward_selection<P: RegressionProblem>(
 }
 
 /// The best candidates beside the effects of `current`, fitted in full, the best first.
-fn try_candidates<P: RegressionProblem>(problem: &P, current: &Trial<P>, step: usize) -> Result<Tried<P>, P::Error> {
+fn try_candidates<P: RegressionProblem>(problem: &P, current: &Trial<P>) -> Result<Tried<P>, P::Error> {
     let under = problem.under(current);
     let screened = under.sorted(problem.neighbours(current)?.with_one_more()?);
     problem.progress().add_tried(screened.len());
-    let n_tried = screened.len() as f64;
-    let chance = |trial: &Trial<P>| (under.reduction(current, trial).p * n_tried).min(1.0);
-    let promising = screened.iter().filter(|trial| chance(trial) < 1.0);
+    let promising = screened.iter().filter(|trial| chance(problem, current, trial, screened.len()) < 1.0);
     let refitted = under.sorted(refit(problem, promising)?);
-    let all = refitted.iter().map(|trial| (trial, true)).chain(screened.iter().map(|trial| (trial, false)));
-    let mut steps = Vec::new();
-    for (trial, refined) in all {
-        let Some(effect) = &trial.effect else { continue };
-        steps.push(SelectionStep {
-            step,
-            candidate: problem.name(effect),
-            values: problem.n_values(&trial.fit) - problem.n_values(&current.fit),
-            cross_validated: trial.error,
-            without: current.error,
-            p: chance(trial),
-            refined,
-            kept: false,
-        });
+    Ok(Tried { screened, refitted })
+}
+
+/// The chance that any of `n_tried` candidates predicts unseen rows better than `current` by as much as this one does, where none
+/// helps (Bonferroni).
+fn chance<P: RegressionProblem>(problem: &P, current: &Trial<P>, candidate: &Trial<P>, n_tried: usize) -> f64 {
+    (problem.under(current).reduction(current, candidate).p * n_tried as f64).min(1.0)
+}
+
+impl<P: RegressionProblem> Tried<P> {
+    /// All that were fitted in full, and those of the others that neither these nor the steps `before` report.
+    fn reported(&self, problem: &P, before: &[&SelectionStep]) -> Vec<Reported<'_, P>> {
+        let refitted = self.refitted.iter().enumerate().map(|(k, trial)| (trial, Some(k)));
+        let screened = self.screened.iter().map(|trial| (trial, None));
+        let mut reported: Vec<Reported<'_, P>> = Vec::new();
+        for (trial, refitted) in refitted.chain(screened) {
+            let Some(effect) = &trial.effect else { continue };
+            let name = problem.name(effect);
+            let is_reported =
+                before.iter().any(|old| old.candidate == name) || reported.iter().any(|new| new.name == name);
+            if refitted.is_some() || !is_reported {
+                reported.push(Reported { name, trial, refitted });
+            }
+        }
+        reported
     }
-    Ok(Tried { steps, refitted })
 }
 
 /// The first of these fitted in full; one that leaves the arm without a pose somewhere is dropped, and the next one is fitted.
@@ -154,24 +186,6 @@ fn refitted_where_possible<P: RegressionProblem>(problem: &P, trial: &Trial<P>) 
     // An error may be that the selection was given up, which is no property of the trial.
     problem.progress().check()?;
     Ok(refitted)
-}
-
-/// Adds the steps of candidates; one that was judged by its linear fit only is left out where its candidate is there.
-fn append(path: &mut Vec<SelectionStep>, steps: Vec<SelectionStep>) {
-    for new in steps {
-        let is_same = |old: &SelectionStep| old.step == new.step && old.candidate == new.candidate;
-        if new.refined || !path.iter().any(is_same) {
-            path.push(new);
-        }
-    }
-}
-
-fn mark_kept<P: RegressionProblem>(problem: &P, path: &mut [SelectionStep], kept: &Trial<P>) {
-    let Some(name) = kept.effect.as_ref().map(|effect| problem.name(effect)) else { return };
-    let is_same = |step: &&mut SelectionStep| step.refined && step.candidate == name;
-    if let Some(step) = path.iter_mut().rev().find(is_same) {
-        step.kept = true;
-    }
 }
 
 /// The first that is significant; where laws do not overlap only the best may be.
