@@ -19,6 +19,7 @@ pub mod effect;
 pub mod error;
 pub mod files;
 pub mod judge;
+pub(crate) mod least_squares;
 pub mod linearise;
 pub mod measured;
 pub mod measurement_plan;

@@ -14,10 +14,10 @@ use serde::Serialize;
 
 use crate::effect::{Law, Site};
 use crate::error::DiagnoseError;
+use crate::least_squares::pseudo_inverse;
 use crate::linearise::arm_candidates;
 use crate::linearise::experiment::{Candidate, Experiment};
 use crate::linearise::model_effects::ModelEffect;
-use crate::select::robust_fit::pseudo_inverse;
 
 /// The share of a change from which on a law explains it.
 const SAME_SHARE: f64 = 0.5;

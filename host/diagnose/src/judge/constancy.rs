@@ -9,8 +9,8 @@ use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::least_squares::pseudo_inverse;
 use crate::outcome::{Dependence, Effect, Regressor, Shape};
-use crate::select::robust_fit::pseudo_inverse;
 use crate::select::significance::{chance_beyond, dof_of_groups};
 
 /// A column is that of others where no more than this share of its square is its own.

@@ -3,7 +3,7 @@
 use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
 use crate::judge::selected::SelectedPoses;
-use crate::select::robust_fit::size;
+use crate::least_squares::size;
 use darm_measure::median;
 
 /// Chance that any row of a run without outliers is called one.

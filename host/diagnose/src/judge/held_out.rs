@@ -2,7 +2,7 @@
 
 use super::selected::SelectedSignals;
 use crate::agreement::trimmed_root_mean_square;
-use crate::select::robust_fit::losses;
+use crate::least_squares::losses;
 use crate::select::significance::{CONFIRMATION_LEVEL, paired_t_test};
 
 /// Pieces of successive rows that the fall is judged by.

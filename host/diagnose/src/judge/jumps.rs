@@ -8,8 +8,8 @@ use std::f64::consts::PI;
 
 use crate::effect::{Effect, Law, Place};
 use crate::judge::selected::SelectedSignals;
+use crate::least_squares::{Linear, losses, moved};
 use crate::outcome::{Dependence, Regressor, Shape};
-use crate::select::robust_fit::{Linear, losses, moved};
 
 /// Places of a jump that are tried in half a turn: 7.5° apart, a jump beside its place takes all but the rows between.
 const PLACES: usize = 24;

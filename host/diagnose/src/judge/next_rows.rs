@@ -2,11 +2,11 @@
 
 use nalgebra::DMatrix;
 
+use crate::least_squares::pseudo_inverse;
 use crate::linearise::experiment::Experiment;
 use crate::measurement_plan::optimal_design::informative_first;
 use crate::outcome::{NextMeasurement, NextRow};
 use crate::select::problem::{RegressionProblem as _, Trial};
-use crate::select::robust_fit::pseudo_inverse;
 use crate::select::signals::Signals;
 
 /// Rows that are proposed.

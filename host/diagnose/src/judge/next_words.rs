@@ -5,13 +5,14 @@ use nalgebra::DMatrix;
 
 use crate::effect::Place;
 use crate::judge::selected::SelectedPoses;
+use crate::least_squares::{condition_of, normal, pseudo_inverse, weights};
 use crate::linearise::arm_candidates::{all, same};
 use crate::linearise::sensitivity::Sensitivity;
 use crate::measurement_plan::optimal_design::informative_first;
 use crate::measurement_plan::{Step, as_run, candidates};
 use crate::outcome::{Alternative, NextMeasurement};
 use crate::prepare::observations::{NoPose, Observations, Value};
-use crate::select::robust_fit::{condition_of, fit, normal, pseudo_inverse, weights};
+use crate::select::robust_fit::fit;
 use crate::select::tool_pose::values;
 use darm_arm::arm::{Arm, ArmModel, ArmScratch, ZERO_CELSIUS};
 use darm_measure::Run;

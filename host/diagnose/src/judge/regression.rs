@@ -3,8 +3,8 @@
 use darm_core::effect::fitted_term::Variable;
 use nalgebra::{DMatrix, DVector};
 
+use crate::least_squares::pseudo_inverse;
 use crate::outcome::{Regressor, Shape};
-use crate::select::robust_fit::pseudo_inverse;
 use crate::select::significance::f_test;
 
 /// A term of a dictionary.

@@ -11,10 +11,10 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use crate::judge::pose_dictionary::dictionary;
 use crate::judge::regression::{Design, Taken, Term, of_axis, squares};
 use crate::judge::selected::SelectedPoses;
+use crate::least_squares::{size, weights};
 use crate::outcome::{Dependence, Structure, axis_name};
 use crate::progress::Cancelled;
 use crate::select::problem::RegressionProblem as _;
-use crate::select::robust_fit::{size, weights};
 use crate::select::significance::f_test;
 use darm_measure::median;
 

@@ -3,12 +3,12 @@
 use crate::judge::far_rows::far_rows_of_signals;
 use crate::judge::held_out::HeldOut;
 use crate::judge::selected::SelectedSignals;
+use crate::least_squares::size;
 use crate::linearise::experiment::{Axis, Experiment};
 use crate::outcome::{AxisFigure, BeforeAfter, ErrorFigure, Errors, Number, Outlier, Point, Rows};
 use crate::prepare::groups::Row;
 use crate::report::Summary;
 use crate::select::problem::RegressionProblem as _;
-use crate::select::robust_fit::size;
 use darm_measure::{root_mean_square, without_farthest};
 
 /// Rows that are listed or plotted at most.

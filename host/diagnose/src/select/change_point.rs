@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use super::robust_fit::{moved, weights};
+use crate::least_squares::{moved, weights};
 use crate::prepare::observations::Observations;
 
 /// Different words that are measured before a step, and after it.

@@ -9,7 +9,7 @@ use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
 use super::change_point::{Step, change_point, since};
-use super::robust_fit::{Linear, REWEIGHTINGS, moved, weights};
+use crate::least_squares::{Linear, REWEIGHTINGS, moved, weights};
 use crate::prepare::groups::FOLDS;
 use crate::prepare::observations::Observations;
 

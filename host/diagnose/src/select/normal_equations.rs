@@ -76,8 +76,9 @@ impl System {
     }
 }
 
-/// x with A·x = b for an information matrix A, scaled to its diagonal and made safe by a share of [`RIDGE`] of it.
-pub(crate) fn solve(mut information: DMatrix<f64>, gradient: &DVector<f64>) -> DVector<f64> {
+/// x with A·x = b for an information matrix A scaled to its diagonal, by Cholesky after a share of [`RIDGE`] is added to the
+/// diagonal; zero where that is not positive definite.
+pub(super) fn solve_with_ridge(mut information: DMatrix<f64>, gradient: &DVector<f64>) -> DVector<f64> {
     let scale = information.diagonal().map(|d| if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 });
     for (column, by) in scale.iter().enumerate() {
         for (row, other) in scale.iter().enumerate() {

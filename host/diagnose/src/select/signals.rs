@@ -16,10 +16,10 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::{IntoParallelIterator as _, ParallelIterator as _};
 
 use super::columns::Columns;
-use super::normal_equations::{System, solve};
+use super::normal_equations::{System, solve_with_ridge};
 use super::problem::{Trial, Weighted};
-use super::robust_fit::{rho, threshold, weights};
 use crate::effect::Law;
+use crate::least_squares::{rho, threshold, weights};
 use crate::linearise::experiment::{Candidate, Curvature, Experiment};
 use crate::prepare::groups::Groups;
 use crate::prepare::repeatability::MEDIAN_OF_NORMAL;
@@ -325,7 +325,10 @@ impl Weighted<'_, Signals> {
         let indices = self.problem.indices(&active);
         let (information, gradient) = self.equations(&indices);
         let mut values = vec![0.0; self.problem.n_values];
-        indices.iter().zip(solve(information, &gradient).iter()).for_each(|(&index, value)| values[index] = -value);
+        indices
+            .iter()
+            .zip(solve_with_ridge(information, &gradient).iter())
+            .for_each(|(&index, value)| values[index] = -value);
         Fit { active, values }
     }
 }

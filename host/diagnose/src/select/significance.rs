@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 
 use statrs::distribution::{Beta, ContinuousCDF, FisherSnedecor, StudentsT};
 
-use crate::select::robust_fit::weights;
+use crate::least_squares::weights;
 
 /// Chance to see structure in pure noise.
 pub const STRUCTURE_LEVEL: f64 = 1e-3;

@@ -16,10 +16,10 @@ use nalgebra::{Cholesky, DVector, Dyn};
 use super::factored::{Factored, judged};
 use super::forward::rivals;
 use super::problem::{RegressionProblem as _, Trial, Weighted};
-use super::robust_fit::pseudo_inverse;
 use super::signals::{Fit, Signals};
 use super::significance::RIVAL_LEVEL;
 use crate::effect::Place;
+use crate::least_squares::pseudo_inverse;
 use crate::progress::Cancelled;
 
 /// Share of its information that an effect keeps beside a model which spans it.
