@@ -13,7 +13,7 @@ use crate::linearise::experiment::BodyCandidate;
 use crate::progress::Cancelled;
 use crate::select::factored::judged;
 use crate::select::problem::{RegressionProblem as _, Trial, Weighted};
-use crate::select::signals::{Fit, Signals};
+use crate::select::signals::{Fit, Move, Signals};
 use crate::select::significance::{DISCOVERY_LEVEL, RIVAL_LEVEL};
 
 /// The last μ, in units of the log-likelihood.
@@ -81,13 +81,14 @@ fn with_consistent_bodies(problem: &Signals, best: Trial<Signals>) -> Result<Tri
             problem.progress().check()?;
             let active = [&best.fit.active[..], &[candidate]].concat();
             let free = weighted.least_squares(active);
-            Ok(in_sample(weighted, self::consistent(weighted, &free).unwrap_or(free), Some(candidate)))
+            let fit = self::consistent(weighted, &free).unwrap_or(free);
+            Ok((candidate, in_sample(weighted, fit, Some(Move::of_candidate(candidate)))))
         });
-        let is_possible = |trial: &Result<Trial<Signals>, Cancelled>| {
-            trial.as_ref().map_or(true, |trial| trial.effect.is_some_and(|added| can_be(problem, &trial.fit, added)))
+        let is_possible = |tried: &Result<(usize, Trial<Signals>), Cancelled>| {
+            tried.as_ref().map_or(true, |(added, trial)| can_be(problem, &trial.fit, *added))
         };
-        match weighted.lowest(tried.filter(is_possible), |trial| trial)? {
-            Some(next) if weighted.predicts_better_among(&next, &best, open.len(), DISCOVERY_LEVEL) => best = next,
+        match weighted.lowest(tried.filter(is_possible), |(_, trial)| trial)? {
+            Some((_, next)) if weighted.predicts_better_among(&next, &best, open.len(), DISCOVERY_LEVEL) => best = next,
             _ => break,
         }
     }
@@ -101,7 +102,7 @@ fn open(problem: &Signals, fit: &Fit) -> Vec<usize> {
 }
 
 /// A model judged by the rows that it was fitted to.
-fn in_sample(weighted: Weighted<Signals>, fit: Fit, effect: Option<usize>) -> Trial<Signals> {
+fn in_sample(weighted: Weighted<Signals>, fit: Fit, effect: Option<Move>) -> Trial<Signals> {
     let seen_residuals = weighted.problem.training_residuals(&fit);
     weighted.with_residuals(fit, effect, seen_residuals)
 }

@@ -205,7 +205,7 @@ fn unconfirmed(selected: &SelectedSignals, named: &[Effect]) -> Vec<String> {
 fn chance_of_gain(selected: &SelectedSignals) -> Result<f64, Cancelled> {
     let SelectedSignals { problem, best, n_known, .. } = selected;
     let known = judged(problem.under(best), best.fit.active[..*n_known].to_vec(), None)?;
-    Ok(problem.under(best).reduction(&known, best).p * problem.moves.len() as f64)
+    Ok(problem.under(best).reduction(&known, best).p * problem.moves().len() as f64)
 }
 
 /// Whether effects take half of the mean square of the rows that fits see, without what is far off.

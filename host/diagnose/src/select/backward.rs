@@ -97,7 +97,8 @@ pub(crate) fn every_law(problem: &Signals, known: &[usize]) -> Vec<usize> {
 /// The same with the shapes that predict best, one law after the other, all its places alike.
 fn best_shapes(problem: &Signals, mut best: Trial<Signals>, n_known: usize) -> Result<Trial<Signals>, Cancelled> {
     let candidates = &problem.experiment.candidates;
-    for family in problem.moves.iter().filter(|family| candidates[family[0]].shape.is_some()) {
+    let families = problem.moves().map(|family| problem.candidates_of(family));
+    for family in families.filter(|family| candidates[family[0]].shape.is_some()) {
         let other = |(position, k): (usize, &usize)| {
             let shape = family.iter().find(|&&other| candidates[other].is_same(&candidates[*k]));
             *shape.filter(|_| position >= n_known).unwrap_or(k)

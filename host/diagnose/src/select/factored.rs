@@ -14,7 +14,7 @@ use rayon::prelude::{
 
 use super::normal_equations::System;
 use super::problem::{Trial, Weighted};
-use super::signals::{Fit, Signals};
+use super::signals::{Fit, Move, Signals};
 use crate::progress::Cancelled;
 
 /// A model, factorised under a weighting.
@@ -45,7 +45,7 @@ struct Part {
 pub(crate) fn judged(
     weighted: Weighted<Signals>,
     active: Vec<usize>,
-    effect: Option<usize>,
+    effect: Option<Move>,
 ) -> Result<Trial<Signals>, Cancelled> {
     Ok(Factored::new(weighted, active)?.trial(effect))
 }
@@ -102,7 +102,7 @@ impl<'a> Factored<'a> {
     }
 
     /// The model itself.
-    pub(crate) fn trial(&self, effect: Option<usize>) -> Trial<Signals> {
+    pub(crate) fn trial(&self, effect: Option<Move>) -> Trial<Signals> {
         self.cross_validated(self.active.clone(), effect, self.each(|part| part.values.clone()))
     }
 
@@ -118,7 +118,7 @@ impl<'a> Factored<'a> {
     }
 
     /// The models with more candidates, each move's beside this one's.
-    pub(crate) fn with(&self, moves: &[(usize, Vec<usize>)]) -> Result<Vec<Trial<Signals>>, Cancelled> {
+    pub(crate) fn with(&self, moves: &[(Move, Vec<usize>)]) -> Result<Vec<Trial<Signals>>, Cancelled> {
         let progress = &self.weighted.problem.progress;
         let added: Vec<Vec<usize>> = moves.iter().map(|(_, added)| self.weighted.problem.indices(added)).collect();
         let mut open = added.concat();
@@ -151,7 +151,7 @@ impl<'a> Factored<'a> {
     }
 
     /// A model with its values in each system, cross-validated by those of the systems without a fold.
-    fn cross_validated(&self, active: Vec<usize>, effect: Option<usize>, mut values: Vec<Vec<f64>>) -> Trial<Signals> {
+    fn cross_validated(&self, active: Vec<usize>, effect: Option<Move>, mut values: Vec<Vec<f64>>) -> Trial<Signals> {
         let of_all_rows = values.pop().expect("the last system is that of all rows");
         let columns = &self.weighted.weighting.linearised.columns;
         let moved: Vec<Vec<f64>> =

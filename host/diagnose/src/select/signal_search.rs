@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::factored::{Factored, judged};
 use super::problem::{CandidateName, Loss, Neighbours, Policy, RegressionProblem, Trial, Weighted};
-use super::signals::{Fit, NEGLIGIBLE_LOSS, Signals, Weighting, in_noise};
+use super::signals::{Fit, Move, NEGLIGIBLE_LOSS, Signals, Weighting, in_noise};
 use super::significance::{DISCOVERY_LEVEL, LossReduction, SIGNAL_RIVAL_LEVEL, paired_t_test};
 use crate::progress::{Cancelled, Progress};
 
@@ -28,14 +28,14 @@ pub struct Neighbourhood<'a> {
 impl Neighbours<Signals> for Neighbourhood<'_> {
     fn with_one_more(&self) -> Result<Vec<Trial<Signals>>, Cancelled> {
         let problem = self.factored.weighted.problem;
-        let open: Vec<(usize, Vec<usize>)> =
-            (0..problem.moves.len()).filter_map(|number| Some((number, added(problem, number, self.fit)?))).collect();
+        let open: Vec<(Move, Vec<usize>)> =
+            problem.moves().filter_map(|one| Some((one, added(problem, one, self.fit)?))).collect();
         self.factored.with(&open)
     }
 
     fn with_one_less(&self, effect: usize) -> Result<Trial<Signals>, Cancelled> {
         let mut without = self.factored.without(&[self.fit.active[effect]])?;
-        without.effect = without.fit.active.last().copied();
+        without.effect = without.fit.active.last().copied().map(Move::of_candidate);
         Ok(without)
     }
 }
@@ -66,14 +66,14 @@ impl Signals {
 }
 
 impl RegressionProblem for Signals {
-    type Effect = usize;
+    type Effect = Move;
     type Fit = Fit;
     type Weighting = Weighting;
     type Neighbours<'a> = Neighbourhood<'a>;
     type Error = Cancelled;
 
     fn policy(&self) -> Policy {
-        let exchanges = self.moves.len() * self.groups.n_folds < MAX_TO_EXCHANGE;
+        let exchanges = self.moves().len() * self.groups.n_folds < MAX_TO_EXCHANGE;
         Policy {
             max_effects: MAX_EFFECTS,
             laws_overlap: true,
@@ -95,8 +95,8 @@ impl RegressionProblem for Signals {
         self.indices(&fit.active).len()
     }
 
-    fn name(&self, effect: &usize) -> CandidateName {
-        self.name_of(&self.moves[*effect])
+    fn name(&self, effect: &Move) -> CandidateName {
+        self.name_of(self.candidates_of(*effect))
     }
 
     fn reweight_until_converged(&self, model: Trial<Self>) -> Result<Trial<Self>, Cancelled> {
@@ -168,10 +168,10 @@ impl RegressionProblem for Signals {
 }
 
 /// The candidates that a move adds to a model; `None` where it adds nothing, or where another move adds the same.
-fn added(problem: &Signals, number: usize, fit: &Fit) -> Option<Vec<usize>> {
-    let all = &problem.moves[number];
+fn added(problem: &Signals, one: Move, fit: &Fit) -> Option<Vec<usize>> {
+    let all = problem.candidates_of(one);
     let candidates = &problem.experiment.candidates;
-    let added: Vec<usize> = match &all[..] {
+    let added: Vec<usize> = match all {
         [one] => (!fit.active.contains(one)).then_some(*one).into_iter().collect(),
         several => {
             let is_open = |k: &&usize| !fit.active.iter().any(|&other| candidates[other].is_same(&candidates[**k]));

@@ -40,14 +40,25 @@ pub struct Fit {
     pub values: Vec<f64>,
 }
 
+/// What one step of the selection adds to a model: a candidate by itself, or a law at all its places together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Move(usize);
+
+impl Move {
+    /// The move that adds a candidate by itself: these come first, in the order of the candidates.
+    pub(crate) fn of_candidate(candidate: usize) -> Self {
+        Self(candidate)
+    }
+}
+
 /// Rows of signals and the candidates that may explain their residuals.
 pub struct Signals {
     /// The experiment.
     pub experiment: Experiment,
     /// Rows that fits see, and how they are grouped.
     pub groups: Groups,
-    /// What a step of the selection may add: each candidate by itself, and each law at all its places together.
-    pub moves: Vec<Vec<usize>>,
+    /// The candidates of each [`Move`].
+    moves: Vec<Vec<usize>>,
     /// How many values all candidates have together.
     pub(super) n_values: usize,
     pub(super) progress: Progress,
@@ -162,6 +173,16 @@ impl Signals {
             sums: Arc::new(DMatrix::zeros(0, 0)),
         });
         Trial { effect: None, fit, unseen_residuals: Vec::new(), weighting, error: f64::INFINITY }
+    }
+
+    /// All moves.
+    pub(crate) fn moves(&self) -> impl ExactSizeIterator<Item = Move> {
+        (0..self.moves.len()).map(Move)
+    }
+
+    /// The candidates that a move adds to a model without any of them.
+    pub(crate) fn candidates_of(&self, Move(number): Move) -> &[usize] {
+        &self.moves[number]
     }
 
     /// The numbers of the values of these candidates among all values.
@@ -306,7 +327,7 @@ impl Weighted<'_, Signals> {
     }
 
     /// A model with its values, and what those of the other folds add in the rows of each.
-    pub(super) fn trial(&self, fit: Fit, effect: Option<usize>, moved: &[&[f64]]) -> Trial<Signals> {
+    pub(super) fn trial(&self, fit: Fit, effect: Option<Move>, moved: &[&[f64]]) -> Trial<Signals> {
         let Linearised { columns, zero } = &*self.weighting.linearised;
         let mut unseen_residuals = vec![0.0; zero.len()];
         moved.iter().enumerate().for_each(|(fold, moved)| columns.put(fold, moved, &mut unseen_residuals));
@@ -315,7 +336,7 @@ impl Weighted<'_, Signals> {
     }
 
     /// A model that is compared by these residuals of the training rows.
-    pub(crate) fn with_residuals(&self, fit: Fit, effect: Option<usize>, unseen_residuals: Vec<f64>) -> Trial<Signals> {
+    pub(crate) fn with_residuals(&self, fit: Fit, effect: Option<Move>, unseen_residuals: Vec<f64>) -> Trial<Signals> {
         let error = self.problem.norm(&unseen_residuals);
         Trial { effect, fit, unseen_residuals, weighting: Arc::clone(self.weighting), error }
     }

@@ -139,7 +139,7 @@ pub(crate) fn single_rivals(
     order: usize,
 ) -> Result<impl Iterator<Item = (usize, Trial<Signals>, f64)>, Cancelled> {
     let rivals = rivals(problem, best, order, None)?;
-    Ok(rivals.into_iter().filter_map(|(rival, worse_with)| match problem.moves[rival.effect?][..] {
+    Ok(rivals.into_iter().filter_map(|(rival, worse_with)| match *problem.candidates_of(rival.effect?) {
         [one] => Some((one, rival, worse_with)),
         _ => None,
     }))
