@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use anyhow::{Context, Result};
 use darm_core::real::Vec3;
 use darm_core::se::{Pose, rotation_exp};
-use darm_diagnose::effect::{Law, Place, Site};
+use darm_diagnose::effect::{LawName, Place, Site};
 use darm_robot::robot::{Robot, RobotFrame};
 use nalgebra::DMatrix;
 use rand::RngExt;
@@ -73,11 +73,11 @@ pub(super) fn floating(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Res
         Class::One | Class::Two => {
             let askew = class == Class::Two || rng.random_bool(ASKEW);
             if class == Class::Two || !askew {
-                bench.add(Cause::Law(Law::MassDistribution, Place::Link(carrier)), backpack, rng);
+                bench.add(Cause::Law(LawName::MassDistribution, Place::Link(carrier)), backpack, rng);
             }
             if askew {
                 let shape = seen_askew(&bench.measured, rng);
-                bench.add(Cause::Law(Law::SensorFrame, Place::ForcePlate), shape, rng);
+                bench.add(Cause::Law(LawName::SensorFrame, Place::ForcePlate), shape, rng);
             }
         }
         Class::Outside => {
@@ -151,13 +151,13 @@ impl Postures {
 impl Elsewhere for Postures {
     /// The wrench of 1 kg at the link's frame, and of 1 kg·m along each of its axes; of the plate what the robot's own weight
     /// is where that is moved by 1 m along each axis and turned by 1 rad about each.
-    fn columns(&self, law: Law, site: &Site, elsewhere: bool) -> Result<Option<DMatrix<f64>>> {
+    fn columns(&self, law: LawName, site: &Site, elsewhere: bool) -> Result<Option<DMatrix<f64>>> {
         let measured = self.postures.iter().flat_map(|q| std::iter::repeat_n(q, ROWS_PER_POSTURE));
         let postures: Vec<&Vec<f64>> = if elsewhere { self.elsewhere.iter().collect() } else { measured.collect() };
         let link = match (law, site.place) {
-            (Law::MassDistribution, Place::Base) => None,
-            (Law::MassDistribution, Place::Link(k)) => Some(frame(&self.robot, &self.robot.joints[k].link)?),
-            (Law::SensorFrame, Place::ForcePlate) => return self.of_plate(&postures).map(Some),
+            (LawName::MassDistribution, Place::Base) => None,
+            (LawName::MassDistribution, Place::Link(k)) => Some(frame(&self.robot, &self.robot.joints[k].link)?),
+            (LawName::SensorFrame, Place::ForcePlate) => return self.of_plate(&postures).map(Some),
             _ => return Ok(None),
         };
         let mut columns = DMatrix::zeros(6 * postures.len(), VALUES);

@@ -4,7 +4,7 @@ use anyhow::Result;
 use darm_arm::arm::{Arm, ArmModel, ArmScratch};
 use darm_core::effect::Effect;
 use darm_diagnose::correction::{ArmCorrection, Outcome};
-use darm_diagnose::effect::{Law, Place};
+use darm_diagnose::effect::{LawName, Place};
 use darm_diagnose::linearise::arm_candidates::{all, place_code};
 use darm_diagnose::measurement_plan::candidates;
 use darm_diagnose::outcome::{Effect as Found, Regressor, Verdict};
@@ -40,7 +40,7 @@ pub(super) struct Mark {
 }
 
 /// A law at a place.
-pub(super) type Named = (Law, Place);
+pub(super) type Named = (LawName, Place);
 
 /// What an answer is worth where refusing is allowed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -5,7 +5,7 @@ use clap::ValueEnum as _;
 use darm_core::effect::Place as Part;
 use darm_diagnose::diagnosis;
 use darm_diagnose::diagnosis::diagnose;
-use darm_diagnose::effect::{Detail, Law, Place};
+use darm_diagnose::effect::{Detail, LawName, Place};
 use darm_figures::figure::Figure;
 use darm_figures::items;
 use darm_figures::shard::Shard;
@@ -127,7 +127,7 @@ fn run(bench: &Bench, layout: Layout, class: Class, seed: u64) -> Result<(Outcom
     let named: Vec<Named> = found.effects.iter().map(judge::law_and_part).collect();
     let mut right = judge::pairs(blind.unseal());
     let is_clean = blind.unseal().is_empty() && layout != Layout::CameraDrift;
-    right.extend((layout == Layout::CameraDrift).then_some((Law::BaseDrift, Place::Arm(Part::Base, Detail::All))));
+    right.extend((layout == Layout::CameraDrift).then_some((LawName::BaseDrift, Place::Arm(Part::Base, Detail::All))));
     let is_right = match layout {
         Layout::CameraDrift => found.verdict.names_effects() && judge::right(&right, &named).1,
         _ => mark.named && (mark.placed || class == Class::Clean),

@@ -1,7 +1,7 @@
 //! Sets of effects that rows do not distinguish: whether their members are alike anywhere, or in the rows.
 
 use anyhow::{Context as _, Result};
-use darm_diagnose::effect::{Law, Place, Site};
+use darm_diagnose::effect::{LawName, Place, Site};
 use darm_diagnose::outcome::{Alternative, Diagnosis};
 use darm_measure::root_mean_square;
 use darm_robot::svd::svd;
@@ -106,7 +106,7 @@ fn are_near(bench: &Bench, added: &Added, members: &[&Alternative], kept: &[bool
 fn of_plate(bench: &Bench, added: &Added) -> Result<Option<DMatrix<f64>>> {
     let is_plate = matches!(added.cause.named(), Some((_, Place::ForcePlate)));
     let Some(elsewhere) = bench.elsewhere.as_ref().filter(|_| is_plate) else { return Ok(None) };
-    elsewhere.columns(Law::SensorFrame, &Site::new(Place::ForcePlate, "the plate"), false)
+    elsewhere.columns(LawName::SensorFrame, &Site::new(Place::ForcePlate, "the plate"), false)
 }
 
 /// Whether members of a set, each fitted to what an effect added, with the noise, add the same elsewhere.

@@ -24,7 +24,7 @@ use std::fmt;
 use std::path::Path;
 
 use anyhow::Result;
-use darm_diagnose::effect::{Law, Place, Site};
+use darm_diagnose::effect::{LawName, Place, Site};
 use darm_measure::root_mean_square;
 use darm_measure::table::{Names, Table};
 use nalgebra::DMatrix;
@@ -41,7 +41,7 @@ const TIMES_NOISE: std::ops::Range<f64> = 8.0..32.0;
 /// Postures and motions reach so far from the middle of each joint's range, rad.
 pub(super) const SWING_RAD: f64 = 0.7;
 /// Error of a gear, in whatever phase.
-pub(super) const PERIODIC: Law = Law::GearPeriodicSine;
+pub(super) const PERIODIC: LawName = LawName::GearPeriodicSine;
 
 /// What was added.
 pub(super) struct Added {
@@ -54,7 +54,7 @@ pub(super) struct Added {
 /// What a diagnosis is to find.
 pub(super) enum Cause {
     /// A law at a place.
-    Law(Law, Place),
+    Law(LawName, Place),
     /// No law: what the residual depends on.
     Variable(String),
 }
@@ -82,7 +82,7 @@ impl fmt::Display for Cause {
 pub(super) trait Elsewhere {
     /// A law's columns, one a value: rows × axes of the run, or of other conditions that were drawn; `None` where that is not
     /// known.
-    fn columns(&self, law: Law, site: &Site, elsewhere: bool) -> Result<Option<DMatrix<f64>>>;
+    fn columns(&self, law: LawName, site: &Site, elsewhere: bool) -> Result<Option<DMatrix<f64>>>;
 }
 
 /// Names and numbers of channels.
@@ -187,9 +187,9 @@ impl Bench {
 }
 
 /// The law, of whatever phase where it is periodic.
-pub(super) fn law_of(law: Law) -> Law {
+pub(super) fn law_of(law: LawName) -> LawName {
     match law {
-        Law::GearPeriodicSine | Law::GearPeriodicCosine => PERIODIC,
+        LawName::GearPeriodicSine | LawName::GearPeriodicCosine => PERIODIC,
         other => other,
     }
 }

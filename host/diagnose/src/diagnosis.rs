@@ -12,7 +12,7 @@
 
 use crate::agreement::{self, Agreement};
 use crate::correction::{ArmCorrection, Outcome, SignalCorrection};
-use crate::effect::{Effect, Law};
+use crate::effect::{Effect, LawName};
 use crate::error::{DiagnoseError, MIN_WORDS};
 use crate::judge;
 use crate::judge::held_out::HeldOut;
@@ -164,7 +164,7 @@ fn read_in_fahrenheit(
 
 /// Takes the intervals from what grows with a temperature whose unit is in doubt: they hold in one unit only.
 fn withhold_intervals(effects: &mut [Effect]) {
-    let thermal = effects.iter_mut().filter(|effect| effect.law == Law::ThermalGrowth);
+    let thermal = effects.iter_mut().filter(|effect| effect.law == LawName::ThermalGrowth);
     thermal.flat_map(|effect| &mut effect.values).for_each(|value| value.ci95 = None);
 }
 

@@ -4,7 +4,7 @@ use std::fmt;
 
 use darm_core::effect;
 pub use darm_core::effect::Detail;
-pub use darm_core::effect::law_name::LawName as Law;
+pub use darm_core::effect::law_name::LawName;
 use serde::{Serialize, Serializer};
 
 use crate::number::Number;
@@ -97,7 +97,7 @@ impl fmt::Display for Site {
 pub struct Effect {
     /// The law.
     #[serde(serialize_with = "as_str")]
-    pub law: Law,
+    pub law: LawName,
     /// Where it acts.
     #[serde(flatten)]
     pub site: Site,
@@ -124,6 +124,6 @@ pub struct Value {
     pub nominal: Option<f64>,
 }
 
-pub(crate) fn as_str<S: Serializer>(law: &Law, serializer: S) -> Result<S::Ok, S::Error> {
+pub(crate) fn as_str<S: Serializer>(law: &LawName, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.serialize_str(law.as_str())
 }

@@ -5,7 +5,7 @@ use std::iter;
 
 use darm_core::chain::ChainError;
 
-use crate::effect::Law;
+use crate::effect::LawName;
 use crate::prepare::groups::FOLDS;
 use crate::prepare::signals::PrepareError;
 use crate::progress::Cancelled;
@@ -23,7 +23,7 @@ pub const MIN_PIECES: usize = 16;
 #[error("{law} at {place} has no value {name:?}, only {known}: correct the name in the model's file")]
 pub struct UnknownValue {
     /// The law.
-    pub law: Law,
+    pub law: LawName,
     /// Where it acts.
     pub place: String,
     /// The name in the file.
@@ -100,7 +100,7 @@ pub enum DiagnoseError {
     #[error("the model has {law} at {place}, which is rejected: remove it from the model's file first")]
     RejectedIsKnown {
         /// The law.
-        law: Law,
+        law: LawName,
         /// The place.
         place: String,
     },
@@ -108,7 +108,7 @@ pub enum DiagnoseError {
     #[error("the model has {law} at {place}, and this measurement has no such place: is this the right model?")]
     NoSuchPlace {
         /// The law.
-        law: Law,
+        law: LawName,
         /// The place.
         place: String,
     },

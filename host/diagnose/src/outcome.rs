@@ -36,7 +36,7 @@ pub use crate::number::Number;
 use serde::Serialize;
 
 pub use crate::effect::{Effect, Value};
-use crate::effect::{Law, Site, as_str};
+use crate::effect::{LawName, Site, as_str};
 pub use crate::measured::Measured;
 pub use crate::misreading::Misreading;
 pub use crate::rejection::Rejection;
@@ -329,7 +329,7 @@ pub struct Alternative {
     pub instead_of: usize,
     /// The law.
     #[serde(serialize_with = "as_str")]
-    pub law: Law,
+    pub law: LawName,
     /// Where it acts.
     #[serde(flatten)]
     pub site: Site,

@@ -134,7 +134,7 @@ fn consistent(weighted: Weighted<Signals>, fit: &Fit) -> Option<Fit> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effect::{Law, Place, Site};
+    use crate::effect::{LawName, Place, Site};
     use crate::linearise::experiment::{Axis, Candidate, Curvature, Experiment};
     use crate::measured::Measured;
     use crate::prepare::groups::{Groups, Row};
@@ -147,7 +147,7 @@ mod tests {
         let row = |k: usize| Row { line: k, time_s: k as f64, series: 0, motion: 0, key: None, held_out: false };
         let column = (0..600).map(speed).collect();
         let site = Site::new(Place::Joint(0), "joint 1");
-        let mut viscous = Candidate::one(Law::ViscousFriction, site, ("size", "N·m·s"), column);
+        let mut viscous = Candidate::one(LawName::ViscousFriction, site, ("size", "N·m·s"), column);
         let with = |viscous: Candidate| {
             let experiment = Experiment {
                 kind: Measured::JointTorque,

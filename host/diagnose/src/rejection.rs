@@ -12,7 +12,7 @@ use darm_core::effect::{self, Detail, Effect};
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
-use crate::effect::{Law, Site};
+use crate::effect::{LawName, Site};
 use crate::error::DiagnoseError;
 use crate::least_squares::pseudo_inverse;
 use crate::linearise::arm_candidates;
@@ -63,7 +63,7 @@ impl std::fmt::Display for Rejection {
 
 impl Rejection {
     /// Whether it is of this law at this place: by the place's code, the beginning of the code, or its name.
-    fn is_of(&self, law: Law, site: &Site) -> bool {
+    fn is_of(&self, law: LawName, site: &Site) -> bool {
         let is_at = |place: &str| {
             let begins = |rest: &str| rest.is_empty() || rest.starts_with(" (") || rest.starts_with(", ");
             site.name == place || site.code.strip_prefix(place).is_some_and(begins)
@@ -77,7 +77,7 @@ impl Rejection {
 pub(crate) fn of_arm(arm: &Arm, rejected: &[Rejection]) -> Result<Vec<Effect<f64>>, DiagnoseError> {
     let site = |effect: &Effect<f64>| (effect.name(), arm_candidates::site(arm, effect));
     let all = arm_candidates::all(&arm.model);
-    let known: Vec<(Law, Site)> = arm.model.effects.iter().map(site).collect();
+    let known: Vec<(LawName, Site)> = arm.model.effects.iter().map(site).collect();
     let flags = flags(rejected, &all.iter().map(site).collect::<Vec<_>>(), &known)?;
     let named: Vec<&Effect<f64>> = all.iter().zip(&flags).filter(|(_, is_named)| **is_named).map(|(e, _)| e).collect();
     let is_out = |effect: &&Effect<f64>| named.iter().any(|own| includes(&arm.model, effect, own));
@@ -104,10 +104,10 @@ pub(crate) fn of_signals(
     known: &[ModelEffect],
     rejected: &[Rejection],
 ) -> Result<(Experiment, Vec<Candidate>), DiagnoseError> {
-    let sites: Vec<(Law, Site)> = experiment.candidates.iter().map(|one| (one.law, one.site.clone())).collect();
+    let sites: Vec<(LawName, Site)> = experiment.candidates.iter().map(|one| (one.law, one.site.clone())).collect();
     let of_model =
         |effect: &ModelEffect| sites.iter().find(|(law, site)| *law == effect.law && site.code == effect.place);
-    let known: Vec<(Law, Site)> = known.iter().filter_map(of_model).cloned().collect();
+    let known: Vec<(LawName, Site)> = known.iter().filter_map(of_model).cloned().collect();
     let flags = flags(rejected, &sites, &known)?;
     let (offsets, n_values) = experiment.offsets();
     let values = |k: usize| offsets[k]..offsets[k] + experiment.candidates[k].values.len();
@@ -126,11 +126,11 @@ pub(crate) fn of_signals(
 /// Which candidates are rejected; each rejection must be of one, and of none that the model has.
 fn flags(
     rejected: &[Rejection],
-    candidates: &[(Law, Site)],
-    known: &[(Law, Site)],
+    candidates: &[(LawName, Site)],
+    known: &[(LawName, Site)],
 ) -> Result<Vec<bool>, DiagnoseError> {
     for rejection in rejected {
-        let of = |(law, site): &&(Law, Site)| rejection.is_of(*law, site);
+        let of = |(law, site): &&(LawName, Site)| rejection.is_of(*law, site);
         if let Some((law, site)) = known.iter().find(of) {
             return Err(DiagnoseError::RejectedIsKnown { law: *law, place: site.code.clone() });
         }
@@ -156,8 +156,8 @@ pub(crate) fn sorted<'a>(names: impl Iterator<Item = &'a str>, separator: &str) 
 }
 
 /// Whether the columns of one of these laws add up to most of a change of residuals; they are those of rejected candidates.
-pub(crate) fn is_of_one_law(change: &[f64], columns: Vec<(Law, Vec<f64>)>) -> bool {
-    let mut laws: BTreeMap<Law, Vec<DVector<f64>>> = BTreeMap::new();
+pub(crate) fn is_of_one_law(change: &[f64], columns: Vec<(LawName, Vec<f64>)>) -> bool {
+    let mut laws: BTreeMap<LawName, Vec<DVector<f64>>> = BTreeMap::new();
     for (law, column) in columns {
         let column = DVector::from_vec(column).try_normalize(0.0);
         laws.entry(law).or_default().extend(column);
@@ -191,8 +191,9 @@ mod tests {
     #[test]
     fn the_beginning_of_a_place_is_all_of_it_or_ends_before_a_detail() {
         let site = Site { place: Place::Joint(2), code: "joint 3 (elbow)".into(), name: "the elbow".into() };
-        let is_of =
-            |place: &str| format!("gain, {place}: why").parse::<Rejection>().is_ok_and(|r| r.is_of(Law::Gain, &site));
+        let is_of = |place: &str| {
+            format!("gain, {place}: why").parse::<Rejection>().is_ok_and(|r| r.is_of(LawName::Gain, &site))
+        };
         assert!(["joint 3", "joint 3 (elbow)", "the elbow"].into_iter().all(is_of));
         assert!(!["joint", "joint 3 (", "joint 30", "elbow"].into_iter().any(is_of));
     }

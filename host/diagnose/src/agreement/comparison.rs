@@ -11,7 +11,7 @@ use rayon::prelude::{IntoParallelIterator as _, ParallelIterator as _};
 
 use super::column_readings::{Hypothesis, around};
 use super::training::{AGREES, FOLLOWS, OTHER_UNIT, Training, trimmed_of_axis, variation};
-use crate::effect::Law;
+use crate::effect::LawName;
 use crate::error::MIN_PIECES;
 use crate::linearise::experiment::{Columns, Experiment};
 use crate::linearise::linearise;
@@ -175,7 +175,7 @@ impl Comparison<'_> {
         &self,
         experiment: Experiment,
         groups: Groups,
-        without: Option<Law>,
+        without: Option<LawName>,
         is_lost: impl Fn(&[f64]) -> bool,
     ) -> Result<Vec<f64>, Cancelled> {
         let problem = Signals::new(experiment, groups).with_progress(self.progress.clone());
@@ -244,15 +244,15 @@ impl AxisLeft {
 pub(super) enum Laws {
     None,
     All,
-    AllBut(Law),
+    AllBut(LawName),
 }
 
 impl Laws {
     /// All but the law that would do the same as a reading.
     fn compared_with(misreading: &Misreading) -> Self {
         match misreading {
-            Misreading::Delay { .. } => Self::AllBut(Law::Delay),
-            Misreading::InvertedColumns { .. } => Self::AllBut(Law::Gain),
+            Misreading::Delay { .. } => Self::AllBut(LawName::Delay),
+            Misreading::InvertedColumns { .. } => Self::AllBut(LawName::Gain),
             _ => Self::All,
         }
     }

@@ -6,7 +6,7 @@ use super::column_readings::{hypotheses, quaternions, units};
 use super::comparison::{AxisLeft, Comparison, Improvement, Laws};
 use super::training::{Training, size, variation};
 use super::{Agreement, FEW};
-use crate::effect::Law;
+use crate::effect::LawName;
 use crate::linearise::experiment::Experiment;
 use crate::linearise::model::Model;
 use crate::linearise::model_effects::ModelEffect;
@@ -113,8 +113,8 @@ impl Contest {
     /// Whether an effect moves a joint or the base at least half as far as the reading does.
     fn is_said_by(&self, effect: &ModelEffect) -> bool {
         let angle = match (&self.reading.misreading, effect.law) {
-            (Misreading::OtherZero { zero, .. }, Law::JointOffset) => zero.abs(),
-            (Misreading::Mounting { .. }, Law::BaseTilt) => FRAC_PI_2,
+            (Misreading::OtherZero { zero, .. }, LawName::JointOffset) => zero.abs(),
+            (Misreading::Mounting { .. }, LawName::BaseTilt) => FRAC_PI_2,
             _ => return false,
         };
         effect.values.values().map(|value| value * value).sum::<f64>().sqrt() > 0.5 * angle
@@ -185,7 +185,7 @@ mod tests {
     fn joint_offset(angle: f64) -> ModelEffect {
         let values = BTreeMap::from([("offset".to_string(), angle)]);
         let place = "joint 1".to_string();
-        ModelEffect { law: Law::JointOffset, place, constant: None, values, along: None, points: Vec::new() }
+        ModelEffect { law: LawName::JointOffset, place, constant: None, values, along: None, points: Vec::new() }
     }
 
     #[test]

@@ -9,7 +9,7 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
-use crate::effect::Law;
+use crate::effect::LawName;
 use crate::truth::{Kind, Truth};
 use darm_measure::poses::{self, Which};
 use darm_measure::table::Table;
@@ -77,7 +77,7 @@ fn an_effect_is_confirmed_in_a_third_of_the_visits_of_a_measurement_plan() {
     let last = &looks[looks.len() - 1];
     assert_eq!(last.next, Next::Stop(Reason::Reached));
     assert_eq!(last.outcome.diagnosis.verdict, Verdict::EffectFound);
-    assert_eq!(last.outcome.diagnosis.effects[0].law, Law::named("stroke-loss").unwrap());
+    assert_eq!(last.outcome.diagnosis.effects[0].law, LawName::named("stroke-loss").unwrap());
     assert!(last.uncertainty_m.unwrap() <= last.goal_m);
     assert!(visited.len() <= 124, "{}", visited.len());
 }

@@ -4,7 +4,7 @@
 use crate::agreement::signals::FirstLook;
 use crate::agreement::{self, Agreement};
 use crate::diagnosis::SignalOptions;
-use crate::effect::Law;
+use crate::effect::LawName;
 use crate::error::{DiagnoseError, MIN_PIECES, MIN_ROWS};
 use crate::judge::selected::SelectedSignals;
 use crate::linearise::experiment::{Candidate, Columns, Experiment};
@@ -170,7 +170,7 @@ fn always(experiment: &Experiment, laws: &[String]) -> Result<Vec<usize>, Diagno
     let candidates = &experiment.candidates;
     let mut active: Vec<usize> = Vec::new();
     for name in laws {
-        let law = Law::named(name);
+        let law = LawName::named(name);
         let all: Vec<usize> = (0..candidates.len()).filter(|&k| Some(candidates[k].law) == law).collect();
         if all.is_empty() {
             let known = sorted(candidates.iter().map(|candidate| candidate.law.as_str()), ", ");

@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::*;
 use crate::correction::Keep;
-use crate::effect::Law;
+use crate::effect::LawName;
 use crate::linearise::linearise;
 use crate::linearise::model::Predictor;
 use crate::model_file::ModelFile;
@@ -109,7 +109,7 @@ fn moving_a_plate_does_what_its_columns_say() {
     }
     let [before, after] = [table, moved]
         .map(|table| linearise(&model("human.urdf"), &Prepared::new(table, &how, None).unwrap()).unwrap());
-    let frame = after.candidates.iter().find(|candidate| candidate.law == Law::SensorFrame).unwrap();
+    let frame = after.candidates.iter().find(|candidate| candidate.law == LawName::SensorFrame).unwrap();
     for (row, fz) in fz.iter().enumerate() {
         for axis in 0..2 {
             let at = 6 * row + axis;
@@ -159,7 +159,10 @@ fn nothing_is_named_where_nothing_is_missing_and_an_offset_where_one_is() {
     let offset = diagnose_table(&model("cylinder.toml"), &cylinder(|_, _, _| 5.0), &options).unwrap().diagnosis;
     let [found] = &offset.effects[..] else { panic!("{:?}", offset.plain) };
     let [low, high] = found.values[0].ci95.unwrap();
-    assert!(found.law == Law::Offset && low < -5.0 + 0.1 && high > -5.0 - 0.1 || low < 5.1 && high > 4.9, "{found:?}");
+    assert!(
+        found.law == LawName::Offset && low < -5.0 + 0.1 && high > -5.0 - 0.1 || low < 5.1 && high > 4.9,
+        "{found:?}"
+    );
 }
 
 #[test]
@@ -357,8 +360,8 @@ fn a_law_that_is_rejected_returns_neither_as_an_effect_nor_as_a_fitted_term() {
         diagnose_table(&model, &table, &SignalOptions { rejected, ..options(HoldOut::Own, None, &[]) })
     };
     let found = run(&[]).unwrap();
-    assert_eq!(found.diagnosis.effects[0].law, Law::CoulombFriction, "{:?}", found.diagnosis.plain);
-    let frictions: Vec<String> = Law::ALL
+    assert_eq!(found.diagnosis.effects[0].law, LawName::CoulombFriction, "{:?}", found.diagnosis.plain);
+    let frictions: Vec<String> = LawName::ALL
         .iter()
         .filter(|law| found.diagnosis.selection_path.iter().any(|step| step.candidate.law == **law))
         .map(|law| format!("{law}: the seal was removed"))

@@ -6,7 +6,7 @@
 
 use std::f64::consts::PI;
 
-use crate::effect::{Effect, Law, Place};
+use crate::effect::{Effect, LawName, Place};
 use crate::judge::selected::SelectedSignals;
 use crate::least_squares::{Linear, losses, moved};
 use crate::outcome::{Dependence, Regressor, Shape};
@@ -36,8 +36,8 @@ pub(super) fn leave_jumping(selected: &SelectedSignals, effects: &mut Vec<Effect
 }
 
 /// Whether a law adds to a joint's angle what that angle says, smoothly.
-fn is_of_angle(law: Law) -> bool {
-    matches!(law, Law::EncoderPeriodic | Law::EncoderScale | Law::JointCompliance)
+fn is_of_angle(law: LawName) -> bool {
+    matches!(law, LawName::EncoderPeriodic | LawName::EncoderScale | LawName::JointCompliance)
 }
 
 /// The jump of a joint that does better than all that the model has of its angle.
@@ -48,7 +48,7 @@ fn jump(selected: &SelectedSignals, joint: Place) -> Option<Dependence> {
     let Place::Joint(number) = joint else { return None };
     let name = format!("position of joint {}", number + 1);
     let (_, angle) = experiment.channels.iter().find(|(channel, _)| *channel == name)?;
-    let offset = candidates.iter().find(|one| one.law == Law::JointOffset && one.site.place == joint)?;
+    let offset = candidates.iter().find(|one| one.law == LawName::JointOffset && one.site.place == joint)?;
     let is_own = |k: &usize| candidates[*k].site.place == joint && is_of_angle(candidates[*k].law);
     let (own, others): (Vec<usize>, Vec<usize>) = best.fit.active.iter().copied().partition(is_own);
     let in_noise = |numbers: &[f64]| -> Vec<f64> {

@@ -3,7 +3,7 @@
 //! On an upright axis, or where nothing else moves, the weight of a link is a torque a·sin q + b·cos q of one joint. So is that of
 //! a spring on a lever, or of a counterweight: no motion distinguishes them, but by the inertia of the body where the rows show it.
 
-use crate::effect::{Law, Place};
+use crate::effect::{LawName, Place};
 use crate::judge::held_out::HeldOut;
 use crate::judge::regression::{Design, Term, of_axis};
 use crate::judge::selected::SelectedSignals;
@@ -24,7 +24,7 @@ pub(super) fn balancer(selected: &SelectedSignals, order: usize) -> Result<Optio
     let SelectedSignals { problem, best, .. } = selected;
     let (experiment, body) = (&problem.experiment, selected.candidate(order));
     let is_link = matches!(body.site.place, Place::Link(_));
-    if experiment.kind != Measured::JointTorque || body.law != Law::MassDistribution || !is_link {
+    if experiment.kind != Measured::JointTorque || body.law != LawName::MassDistribution || !is_link {
         return Ok(None);
     }
     let Some(joint) = only_joint(selected, order) else { return Ok(None) };
@@ -44,7 +44,7 @@ pub(super) fn balancer(selected: &SelectedSignals, order: usize) -> Result<Optio
     let is_worse = HeldOut { before: by_spring, after: by_body }.falls(&best.weighting.sigma, experiment.n_norm);
     let spring = |k: &usize| {
         let candidate = &experiment.candidates[*k];
-        candidate.law == Law::Spring && candidate.site.place == Place::Joint(joint)
+        candidate.law == LawName::Spring && candidate.site.place == Place::Joint(joint)
     };
     Ok((0..experiment.candidates.len()).find(spring).filter(|_| !is_worse))
 }

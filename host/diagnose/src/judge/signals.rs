@@ -1,7 +1,7 @@
 //! The verdict on signals: what else explains them, what is not identifiable, what remains, and what is named.
 
 use crate::agreement;
-use crate::effect::{Effect, Law, Place};
+use crate::effect::{Effect, LawName, Place};
 use crate::judge::constancy::Fitted;
 use crate::judge::far_rows::{are_too_many, far_rows_of_signals};
 use crate::judge::gate::{self, Evidence, UNEXPLAINED_SHARE};
@@ -225,7 +225,7 @@ fn by_condition(left: &[AxisLeft]) -> Dependence {
 fn event(selected: &SelectedSignals) -> Option<Dependence> {
     let experiment = &selected.problem.experiment;
     let found = (selected.n_known..selected.best.fit.active.len()).map(|order| selected.candidate(order));
-    let steps = found.filter(|candidate| candidate.law == Law::StepInTime);
+    let steps = found.filter(|candidate| candidate.law == LawName::StepInTime);
     let moments: Vec<f64> = steps.filter_map(|step| step.shape.as_ref().map(|(_, moment, _)| *moment)).collect();
     let times = || experiment.rows.iter().map(|row| row.time_s);
     let length_s = times().fold(f64::MIN, f64::max) - times().fold(f64::MAX, f64::min);

@@ -2,7 +2,7 @@
 
 use darm_robot::rigid_body::inertia::{INERTIAL_PARAMETERS, prior_deviations};
 
-use crate::effect::{Law, Site};
+use crate::effect::{LawName, Site};
 use crate::linearise::experiment::{BodyCandidate, Candidate, Value};
 
 /// What a tool or a payload may weigh before anything is measured, in shares of the robot's mass, and how far out that is, m.
@@ -54,7 +54,7 @@ fn with_priors(
         column,
     };
     let candidate = Candidate {
-        law: Law::MassDistribution,
+        law: LawName::MassDistribution,
         site,
         shape: None,
         values: INERTIAL_PARAMETERS.into_iter().zip(priors).zip(columns).map(value).collect(),

@@ -5,7 +5,7 @@ use darm_core::real::Vec3;
 use darm_core::se::Pose;
 use darm_robot::robot::Robot;
 
-use crate::effect::Law;
+use crate::effect::LawName;
 use crate::error::UnknownValue;
 use crate::linearise::model_effects::ModelEffect;
 use crate::linearise::serial_chain::{OFFSET, SHIFT, TOOL, TURNS, across, site_of_joint};
@@ -20,7 +20,7 @@ pub enum NotRigid {
     )]
     Depends {
         /// The law.
-        law: Law,
+        law: LawName,
         /// Where it acts.
         place: String,
         /// What it depends on.
@@ -30,7 +30,7 @@ pub enum NotRigid {
     #[error("the model has {law} at {place}, and its robot has no such place: is this the right URDF?")]
     NoSuchPlace {
         /// The law.
-        law: Law,
+        law: LawName,
         /// The place.
         place: String,
     },
@@ -56,23 +56,23 @@ pub fn calibrated(robot: &Robot, tool: Option<&str>, effects: &[ModelEffect]) ->
         let none = || NotRigid::NoSuchPlace { law: effect.law, place: effect.place.clone() };
         let joint = path.iter().enumerate().position(|(k, &joint)| site_of_joint(robot, k, joint).code == effect.place);
         match effect.law {
-            Law::ToolFrame => {
+            LawName::ToolFrame => {
                 let name = tool.map(|tool| tool.name.clone()).ok_or_else(none)?;
                 let frame = calibrated.frames.iter_mut().find(|frame| frame.name == name).ok_or_else(none)?;
                 let [x, y, z, about_x, about_y, about_z] = effect.numbers(TOOL)?;
                 frame.pose = frame.pose * Pose::new(&Vec3::new(about_x, about_y, about_z), Vec3::new(x, y, z));
             }
-            Law::JointOffset => changes[joint.ok_or_else(none)?].2 += effect.numbers(OFFSET)?[0],
-            Law::LinkError => changes[joint.ok_or_else(none)?].0 += Vec3::from(effect.numbers(SHIFT)?),
-            Law::AxisError => {
+            LawName::JointOffset => changes[joint.ok_or_else(none)?].2 += effect.numbers(OFFSET)?[0],
+            LawName::LinkError => changes[joint.ok_or_else(none)?].0 += Vec3::from(effect.numbers(SHIFT)?),
+            LawName::AxisError => {
                 let k = joint.ok_or_else(none)?;
                 let [first, second] = across(&robot.joints[path[k]].joint.axis.direction);
                 let turns = effect.numbers(TURNS)?;
                 changes[k].1 += first * turns[0] + second * turns[1];
             }
             // Where the instrument is, and how long it shows 1 m, moves no part of the robot.
-            Law::SensorFrame | Law::Scale => {}
-            Law::JointCompliance | Law::LinkCompliance => return Err(depends("load")),
+            LawName::SensorFrame | LawName::Scale => {}
+            LawName::JointCompliance | LawName::LinkCompliance => return Err(depends("load")),
             _ => return Err(depends("posture")),
         }
     }
@@ -92,7 +92,7 @@ pub fn calibrated(robot: &Robot, tool: Option<&str>, effects: &[ModelEffect]) ->
 /// An offset at a joint that the robot does not have.
 pub fn with_joint_offsets(robot: &Robot, effects: &[ModelEffect]) -> Result<Robot, NotRigid> {
     let mut moved = robot.clone();
-    for effect in effects.iter().filter(|effect| effect.law == Law::JointOffset) {
+    for effect in effects.iter().filter(|effect| effect.law == LawName::JointOffset) {
         let is_meant = |&joint: &usize| site_of_joint(robot, joint, joint).code == effect.place;
         let none = || NotRigid::NoSuchPlace { law: effect.law, place: effect.place.clone() };
         let joint = (0..robot.joints.len()).find(is_meant).ok_or_else(none)?;
@@ -135,23 +135,23 @@ mod tests {
             along: None,
             points: Vec::new(),
         };
-        let mut effects = vec![named(Law::ToolFrame, "the tool", &TOOL, path.len() * PER_JOINT)];
+        let mut effects = vec![named(LawName::ToolFrame, "the tool", &TOOL, path.len() * PER_JOINT)];
         for (k, &joint) in path.iter().enumerate() {
             let place = site_of_joint(&robot, k, joint).code;
-            effects.push(named(Law::JointOffset, &place, &OFFSET, k * PER_JOINT));
-            effects.push(named(Law::AxisError, &place, &TURNS, k * PER_JOINT + 1));
-            effects.push(named(Law::LinkError, &place, &SHIFT, k * PER_JOINT + 3));
+            effects.push(named(LawName::JointOffset, &place, &OFFSET, k * PER_JOINT));
+            effects.push(named(LawName::AxisError, &place, &TURNS, k * PER_JOINT + 1));
+            effects.push(named(LawName::LinkError, &place, &SHIFT, k * PER_JOINT + 3));
         }
         let found = calibrated(&robot, Some("ball_link"), &effects).unwrap();
         let all = [&q[..], &vec![0.0; robot.joints.len() - q.len()]].concat();
         let pose = found.kinematics(found.frame("ball_link").unwrap(), &all).unwrap().pose_base_frame;
         assert!((pose.position - expected.position).norm() < 1e-12, "{} {}", pose.position, expected.position);
         assert!((pose.rotation - expected.rotation).norm() < 1e-12);
-        effects[1].law = Law::JointCompliance;
+        effects[1].law = LawName::JointCompliance;
         let error = calibrated(&robot, Some("ball_link"), &effects).unwrap_err().to_string();
         assert!(error.starts_with("joint-compliance at joint 1 (panda_joint1) depends on the load"), "{error}");
         effects[1].place = "joint 9 (x)".into();
-        effects[1].law = Law::JointOffset;
+        effects[1].law = LawName::JointOffset;
         assert!(matches!(calibrated(&robot, Some("ball_link"), &effects), Err(NotRigid::NoSuchPlace { .. })));
         effects[1].place = site_of_joint(&robot, 0, path[0]).code;
         effects[1].values.insert("ofset".into(), 0.01);
@@ -175,11 +175,11 @@ mod tests {
             points: Vec::new(),
         };
         let code = site_of_joint(&robot, joint, joint).code;
-        let friction = effect(Law::CoulombFriction, code.clone());
-        let found = with_joint_offsets(&robot, &[friction, effect(Law::JointOffset, code)]).unwrap();
+        let friction = effect(LawName::CoulombFriction, code.clone());
+        let found = with_joint_offsets(&robot, &[friction, effect(LawName::JointOffset, code)]).unwrap();
         let pose = |robot: &Robot, q: &[f64]| robot.kinematics(tool, q).unwrap().pose_base_frame.position;
         assert!((pose(&found, &q) - pose(&robot, &moved)).norm() < 1e-12);
-        let elsewhere = with_joint_offsets(&robot, &[effect(Law::JointOffset, "joint 9 (x)".into())]);
+        let elsewhere = with_joint_offsets(&robot, &[effect(LawName::JointOffset, "joint 9 (x)".into())]);
         assert!(matches!(elsewhere, Err(NotRigid::NoSuchPlace { .. })));
     }
 }

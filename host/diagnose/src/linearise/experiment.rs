@@ -3,7 +3,7 @@
 use darm_core::actuator::JointKind;
 use darm_robot::robot::RobotJoint;
 
-use crate::effect::{Law, Place, Site};
+use crate::effect::{LawName, Place, Site};
 use crate::measured::Measured;
 use crate::prepare::groups::Row;
 use crate::prepare::signals::Prepared;
@@ -40,7 +40,7 @@ pub struct Value {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
     /// The law.
-    pub law: Law,
+    pub law: LawName,
     /// Where it acts.
     pub site: Site,
     /// A number that the law has and no fit changes: its name, value and unit.
@@ -140,7 +140,7 @@ impl Axis {
 
 impl Candidate {
     /// A law with one value.
-    pub fn one(law: Law, site: Site, (name, unit): (&str, &str), column: Vec<f64>) -> Self {
+    pub fn one(law: LawName, site: Site, (name, unit): (&str, &str), column: Vec<f64>) -> Self {
         let value =
             Value { name: name.into(), unit: unit.into(), prior: f64::INFINITY, min: f64::NEG_INFINITY, column };
         Self { law, site, shape: None, values: vec![value] }

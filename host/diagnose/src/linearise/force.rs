@@ -1,6 +1,6 @@
 //! Force of a single fluid actuator: predicted p·A from its gauge pressure and bore, beside a load cell.
 
-use crate::effect::{Law, Place, Site};
+use crate::effect::{LawName, Place, Site};
 use crate::linearise::experiment::{Axis, Candidate, Experiment};
 use crate::linearise::laws::Coordinate;
 use crate::linearise::model_effects::ModelEffect;
@@ -39,7 +39,7 @@ pub(crate) fn experiment(data: &Prepared, bore_m: f64, known: &[ModelEffect]) ->
     let site = Site::new(Place::Actuator, "the actuator");
     let mut candidates = motion.candidates([motion.friction(), motion.others()].concat(), &site, &[1.0], known);
     let along_stroke = pressure.iter().zip(&position).map(|(p, x)| p * x).collect();
-    candidates.push(Candidate::one(Law::AreaAlongStroke, site, ("slope", "m²/m"), along_stroke));
+    candidates.push(Candidate::one(LawName::AreaAlongStroke, site, ("slope", "m²/m"), along_stroke));
     let mut channels = vec![
         ("pressure".into(), pressure),
         ("position".into(), position),

@@ -15,7 +15,7 @@ use darm_core::real::{Mat3, Vec3};
 use darm_core::se::{Pose, Twist, rotation_exp, rotation_jacobian, rotation_log};
 use nalgebra::{DMatrix, DVector, Quaternion, UnitQuaternion};
 
-use crate::effect::{Law, Place, Site};
+use crate::effect::{LawName, Place, Site};
 use crate::linearise::experiment::{Axis, Candidate, Columns, Curvature, Experiment, Moving, Value};
 use crate::linearise::serial_chain::{self, FrameChain, SerialChain};
 use crate::measured::Measured;
@@ -160,14 +160,14 @@ fn instrument_frame(mut columns: impl Iterator<Item = Vec<f64>>) -> Candidate {
         column: columns.next().expect("a column for each value"),
     };
     let values = moved.into_iter().chain(turned).map(value).collect();
-    Candidate { law: Law::SensorFrame, site: instrument(), shape: None, values }
+    Candidate { law: LawName::SensorFrame, site: instrument(), shape: None, values }
 }
 
 /// By how much the instrument shows lengths too long; its column is the last one.
 fn instrument_scale(mut columns: impl Iterator<Item = Vec<f64>>) -> Candidate {
     let column = columns.next().expect("a column for the scale");
     let value = Value { name: "stretch".into(), unit: "1".into(), prior: SCALE_PRIOR, min: f64::NEG_INFINITY, column };
-    Candidate { law: Law::Scale, site: instrument(), shape: None, values: vec![value] }
+    Candidate { law: LawName::Scale, site: instrument(), shape: None, values: vec![value] }
 }
 
 fn instrument() -> Site {

@@ -19,7 +19,7 @@ use std::collections::BTreeMap;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 
-use crate::effect::{Law, as_str};
+use crate::effect::{LawName, as_str};
 use crate::error::{DiagnoseError, UnknownValue};
 use crate::linearise::experiment::{Candidate, Experiment};
 
@@ -32,7 +32,7 @@ pub(crate) const PAYLOAD: &str = "payload";
 pub struct ModelEffect {
     /// The law.
     #[serde(serialize_with = "as_str", deserialize_with = "named")]
-    pub law: Law,
+    pub law: LawName,
     /// Where it acts.
     #[serde(rename = "where")]
     pub place: String,
@@ -50,13 +50,13 @@ pub struct ModelEffect {
     pub points: Vec<[f64; 2]>,
 }
 
-fn named<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Law, D::Error> {
+fn named<'de, D: Deserializer<'de>>(deserializer: D) -> Result<LawName, D::Error> {
     let name = String::deserialize(deserializer)?;
     // The names of these two before they were parted from the laws of arms.
     let law = match &name[..] {
-        "drift" => Some(Law::OffsetDrift),
-        "wear" => Some(Law::FrictionWear),
-        _ => Law::named(&name),
+        "drift" => Some(LawName::OffsetDrift),
+        "wear" => Some(LawName::FrictionWear),
+        _ => LawName::named(&name),
     };
     law.ok_or_else(|| D::Error::custom(format!("no law is called {name:?}")))
 }
@@ -91,7 +91,7 @@ impl ModelEffect {
     /// A fitted term of an axis along a signal: what takes this curve of the residual out of it.
     pub(crate) fn fitted_term(axis: &str, signal: &str, curve: &[[f64; 2]]) -> Self {
         Self {
-            law: Law::FittedTerm,
+            law: LawName::FittedTerm,
             place: axis.into(),
             constant: None,
             values: BTreeMap::new(),
@@ -135,7 +135,7 @@ pub(crate) fn apply(experiment: &mut Experiment, known: &[ModelEffect]) -> Resul
     let mut base = vec![0.0; n_values];
     for effect in known {
         let none = || DiagnoseError::NoSuchPlace { law: effect.law, place: effect.place.clone() };
-        if effect.law == Law::FittedTerm {
+        if effect.law == LawName::FittedTerm {
             add_fitted(experiment, effect).ok_or_else(none)?;
             continue;
         }
@@ -187,7 +187,7 @@ pub(crate) fn merge(known: &[ModelEffect], found: Vec<ModelEffect>) -> Vec<Model
     for effect in found {
         let same = |own: &&mut ModelEffect| {
             let key = (own.law, &own.place, own.constant);
-            own.law != Law::FittedTerm && key == (effect.law, &effect.place, effect.constant)
+            own.law != LawName::FittedTerm && key == (effect.law, &effect.place, effect.constant)
         };
         match all.iter_mut().find(same) {
             Some(own) => {
@@ -206,7 +206,7 @@ mod tests {
     #[test]
     fn merged_effects_add_their_values_and_keep_all_fitted_terms() {
         let friction = |level: f64| ModelEffect {
-            law: Law::CoulombFriction,
+            law: LawName::CoulombFriction,
             place: "joint 3 (elbow)".into(),
             constant: None,
             values: BTreeMap::from([("level".into(), level)]),

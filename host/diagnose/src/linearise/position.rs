@@ -1,6 +1,6 @@
 //! Position of one joint that holds a target: the model predicts the target.
 
-use crate::effect::{Law, Place, Site};
+use crate::effect::{LawName, Place, Site};
 use crate::linearise::experiment::{Axis, Candidate, Experiment};
 use crate::linearise::laws::{Coordinate, range};
 use crate::linearise::model_effects::ModelEffect;
@@ -31,7 +31,7 @@ pub(crate) fn experiment(data: &Prepared, known: &[ModelEffect]) -> Result<Exper
     let site = Site::new(Place::SingleJoint, "the joint");
     let mut candidates = holding.candidates(holding.of_holding(), &site, &[1.0], known);
     if range(&target) > 0.0 {
-        candidates.push(Candidate::one(Law::EncoderScale, site, ("scale", "1"), target.clone()));
+        candidates.push(Candidate::one(LawName::EncoderScale, site, ("scale", "1"), target.clone()));
     }
     let mut channels = vec![("time".to_string(), data.time_s.clone())];
     channels.extend(temperature.map(|rise| ("temperature".into(), rise)));

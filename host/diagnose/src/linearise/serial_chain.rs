@@ -17,7 +17,7 @@ use darm_core::actuator::JointKind;
 use darm_core::real::{Mat3, Vec3};
 use darm_core::se::{Pose, Twist, rotation_exp, rotation_jacobian};
 
-use crate::effect::{Law, Place, Site};
+use crate::effect::{LawName, Place, Site};
 use crate::linearise::experiment::{Candidate, Value};
 use crate::prepare::signals::{PrepareError, Prepared};
 use darm_measure::{Finding, FindingKind};
@@ -154,20 +154,20 @@ impl SerialChain {
         };
         for (k, &joint) in self.path.iter().enumerate() {
             let site = site_of_joint(&self.robot, k, joint);
-            add(Law::JointOffset, &site, &OFFSET.map(|name| (name, "rad", turn)));
-            add(Law::AxisError, &site, &TURNS.map(|name| (name, "rad", turn)));
-            add(Law::LinkError, &site, &SHIFT.map(|name| (name, "m", shift)));
-            add(Law::JointCompliance, &site, &[("compliance", "rad/(N·m)", compliance)]);
+            add(LawName::JointOffset, &site, &OFFSET.map(|name| (name, "rad", turn)));
+            add(LawName::AxisError, &site, &TURNS.map(|name| (name, "rad", turn)));
+            add(LawName::LinkError, &site, &SHIFT.map(|name| (name, "m", shift)));
+            add(LawName::JointCompliance, &site, &[("compliance", "rad/(N·m)", compliance)]);
             let across = [("first, across", "rad/(N·m)", compliance), ("second, across", "rad/(N·m)", compliance)];
-            add(Law::LinkCompliance, &site, &across);
+            add(LawName::LinkCompliance, &site, &across);
             let priors = [periodic, periodic, of_twice, of_twice];
-            add(Law::EncoderPeriodic, &site, &std::array::from_fn::<_, 4, _>(|k| (PERIODIC[k], "rad", priors[k])));
-            add(Law::EncoderScale, &site, &[("scale", "1", scale)]);
+            add(LawName::EncoderPeriodic, &site, &std::array::from_fn::<_, 4, _>(|k| (PERIODIC[k], "rad", priors[k])));
+            add(LawName::EncoderScale, &site, &[("scale", "1", scale)]);
         }
         let [shift, turn] = TOOL_PRIORS;
         let dimension = |(k, name)| if k < 3 { (name, "m", shift) } else { (name, "rad", turn) };
         let all: Vec<(&str, &str, f64)> = TOOL.into_iter().enumerate().map(dimension).collect();
-        add(Law::ToolFrame, &Site::new(Place::Tool, "the tool"), &all[..if self.turns_tool { 6 } else { 3 }]);
+        add(LawName::ToolFrame, &Site::new(Place::Tool, "the tool"), &all[..if self.turns_tool { 6 } else { 3 }]);
         candidates
     }
 

@@ -11,7 +11,7 @@ use darm_core::se::Pose;
 use darm_core::tree::Body;
 use nalgebra::{Quaternion, UnitQuaternion};
 
-use crate::effect::{Law, Place, Site};
+use crate::effect::{LawName, Place, Site};
 use crate::linearise::bodies::candidate;
 use crate::linearise::experiment::{Axis, Candidate, Curvature, Experiment, Value};
 use crate::measured::Measured;
@@ -119,7 +119,7 @@ fn sensor_frame(measured: &[Vec<f64>], axes: &Axes) -> Candidate {
         [("x", "m"), ("y", "m"), ("z", "m"), ("turn about x", "rad"), ("turn about y", "rad"), ("turn about z", "rad")];
     let values = names.into_iter().enumerate().map(value).collect();
     let site = Site::new(Place::ForcePlate, "the plate");
-    Candidate { law: Law::SensorFrame, site, shape: None, values }
+    Candidate { law: LawName::SensorFrame, site, shape: None, values }
 }
 
 /// What 1 m or 1 rad of the error `k` of the plate's frame adds to a part of the wrench in a row, N or N·m.

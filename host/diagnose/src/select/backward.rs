@@ -16,7 +16,7 @@ use super::forward::SelectionStep;
 use super::problem::{RegressionProblem as _, Trial};
 use super::signals::Signals;
 use super::significance::DISCOVERY_LEVEL;
-use crate::effect::Law;
+use crate::effect::LawName;
 use crate::progress::Cancelled;
 
 /// A model that was selected, and what was tried.
@@ -58,14 +58,15 @@ pub(super) fn all_laws(problem: &Signals, start: &Trial<Signals>) -> Selected {
     let path = {
         let model = Factored::new(problem.under(&best), best.fit.active.clone())?;
         let law = |k: usize| problem.experiment.candidates[k].law;
-        let mut laws: Vec<(Law, Vec<usize>)> = Vec::new();
+        let mut laws: Vec<(LawName, Vec<usize>)> = Vec::new();
         for &k in &best.fit.active[known.len()..] {
             match laws.iter_mut().find(|(own, _)| *own == law(k)) {
                 Some((_, places)) => places.push(k),
                 None => laws.push((law(k), vec![k])),
             }
         }
-        let step = |(_, places): &(Law, Vec<usize>)| Ok(step(problem, places, &best, &model.without(places)?, true));
+        let step =
+            |(_, places): &(LawName, Vec<usize>)| Ok(step(problem, places, &best, &model.without(places)?, true));
         laws.iter().map(step).collect::<Result<_, Cancelled>>()?
     };
     or_empty(problem, known, best, path)

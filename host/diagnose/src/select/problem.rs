@@ -9,7 +9,7 @@ use std::sync::Arc;
 use serde::Serialize;
 
 use super::significance::LossReduction;
-use crate::effect::{Law, Place, as_str};
+use crate::effect::{LawName, Place, as_str};
 use crate::progress::{Cancelled, Progress};
 
 /// How a selection proceeds.
@@ -33,7 +33,7 @@ pub struct Policy {
 pub struct CandidateName {
     /// The law.
     #[serde(serialize_with = "as_str")]
-    pub law: Law,
+    pub law: LawName,
     /// Where it acts.
     #[serde(skip)]
     pub places: Vec<Place>,

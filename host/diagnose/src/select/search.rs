@@ -70,7 +70,7 @@ mod tests {
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     use super::*;
-    use crate::effect::{Law, Place, Site};
+    use crate::effect::{LawName, Place, Site};
     use crate::linearise::experiment::{Axis, Candidate, Curvature, Experiment};
     use crate::measured::Measured;
     use crate::prepare::groups::{Groups, Row};
@@ -84,7 +84,7 @@ mod tests {
         let column = |of: fn(f64) -> f64| (0..ROWS).map(|k| of(speed(k))).collect::<Vec<f64>>();
         let shapes: [fn(f64) -> f64; 3] = [|v| v, |v| (v / 0.05).tanh(), |_| 1.0];
         let columns = shapes.map(column).to_vec();
-        let laws = [Law::ViscousFriction, Law::CoulombFriction, Law::Offset];
+        let laws = [LawName::ViscousFriction, LawName::CoulombFriction, LawName::Offset];
         let candidates = laws.into_iter().zip(&columns).map(|(law, column)| {
             Candidate::one(law, Site::new(Place::Joint(0), "joint 1"), ("size", "N·m"), column.clone())
         });

@@ -18,7 +18,7 @@ use rayon::prelude::{IntoParallelIterator as _, ParallelIterator as _};
 use super::columns::Columns;
 use super::normal_equations::{System, solve_with_ridge};
 use super::problem::{Trial, Weighted};
-use crate::effect::Law;
+use crate::effect::LawName;
 use crate::least_squares::{rho, threshold, weights};
 use crate::linearise::experiment::{Candidate, Curvature, Experiment};
 use crate::prepare::groups::Groups;
@@ -370,7 +370,7 @@ fn training(groups: &Groups, n_axes: usize, all: &[f64]) -> Vec<f64> {
 /// Each candidate by itself, then each law that has several places at all of them, but for what they have in common; of a law with several shapes the first
 /// of each place together, the second, and so on.
 fn moves(candidates: &[Candidate]) -> Vec<Vec<usize>> {
-    let mut shapes: BTreeMap<(Law, usize), Vec<usize>> = BTreeMap::new();
+    let mut shapes: BTreeMap<(LawName, usize), Vec<usize>> = BTreeMap::new();
     for (k, candidate) in candidates.iter().enumerate().filter(|(_, candidate)| !candidate.is_common()) {
         let shape = candidates[..k].iter().filter(|other| other.is_same(candidate)).count();
         shapes.entry((candidate.law, shape)).or_default().push(k);
@@ -386,7 +386,7 @@ mod tests {
 
     #[test]
     fn a_law_at_all_its_places_leaves_out_what_they_have_in_common() {
-        let delay = |place| Candidate::one(Law::Delay, Site::new(place, "here"), ("delay", "s"), Vec::new());
+        let delay = |place| Candidate::one(LawName::Delay, Site::new(place, "here"), ("delay", "s"), Vec::new());
         let candidates = [Place::Joint(0), Place::Joint(1), Place::AllJoints].map(delay);
         assert_eq!(moves(&candidates), [vec![0], vec![1], vec![2], vec![0, 1]]);
     }

@@ -219,7 +219,7 @@ pub(crate) fn surrogates(problem: &Signals, best: &Trial<Signals>, n_known: usiz
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effect::{Law, Site};
+    use crate::effect::{LawName, Site};
     use crate::linearise::experiment::{Axis, Candidate, Curvature, Experiment};
     use crate::measured::Measured;
     use crate::prepare::groups::Groups;
@@ -228,7 +228,7 @@ mod tests {
     const ROWS: usize = 600;
 
     /// A law, its place, and what it adds on both joints at their speeds.
-    type Added<'a> = (Law, Place, &'a dyn Fn([f64; 2]) -> [f64; 2]);
+    type Added<'a> = (LawName, Place, &'a dyn Fn([f64; 2]) -> [f64; 2]);
 
     /// Two joints whose speeds wave, candidates, and a residual.
     fn signals(candidates: &[Added<'_>], residual: impl Fn([f64; 2]) -> [f64; 2]) -> Signals {
@@ -261,10 +261,10 @@ mod tests {
     fn three_effects_that_span_one_other_are_replaced_by_it() {
         let problem = signals(
             &[
-                (Law::ViscousFriction, Place::Joint(0), &|[v, _]| [v, 0.0]),
-                (Law::ViscousFriction, Place::Joint(1), &|[_, w]| [0.0, w]),
-                (Law::ViscousFriction, Place::JointWithLast(1), &|[v, w]| [v + w, v + w]),
-                (Law::ViscousFriction, Place::JointAgainstLast(1), &|[v, w]| [v - w, w - v]),
+                (LawName::ViscousFriction, Place::Joint(0), &|[v, _]| [v, 0.0]),
+                (LawName::ViscousFriction, Place::Joint(1), &|[_, w]| [0.0, w]),
+                (LawName::ViscousFriction, Place::JointWithLast(1), &|[v, w]| [v + w, v + w]),
+                (LawName::ViscousFriction, Place::JointAgainstLast(1), &|[v, w]| [v - w, w - v]),
             ],
             |[v, _]| [0.8 * v, 0.0],
         );
@@ -278,10 +278,10 @@ mod tests {
     fn effects_of_two_joints_are_no_sum_and_difference() {
         let problem = signals(
             &[
-                (Law::ViscousFriction, Place::Joint(0), &|[v, _]| [v, 0.0]),
-                (Law::ViscousFriction, Place::Joint(1), &|[_, w]| [0.0, w]),
-                (Law::ViscousFriction, Place::JointWithLast(1), &|[v, w]| [v + w, v + w]),
-                (Law::ViscousFriction, Place::JointAgainstLast(1), &|[v, w]| [v - w, w - v]),
+                (LawName::ViscousFriction, Place::Joint(0), &|[v, _]| [v, 0.0]),
+                (LawName::ViscousFriction, Place::Joint(1), &|[_, w]| [0.0, w]),
+                (LawName::ViscousFriction, Place::JointWithLast(1), &|[v, w]| [v + w, v + w]),
+                (LawName::ViscousFriction, Place::JointAgainstLast(1), &|[v, w]| [v - w, w - v]),
             ],
             |[v, w]| [0.8 * v, 0.8 * w],
         );
@@ -293,9 +293,9 @@ mod tests {
     #[test]
     fn what_an_inexact_shape_leaves_is_a_surrogate() {
         let laws: [Added<'_>; 3] = [
-            (Law::ViscousFriction, Place::Joint(0), &|[v, _]| [v, 0.0]),
-            (Law::CoulombFriction, Place::Joint(0), &|[v, _]| [(v / 0.05).tanh(), 0.0]),
-            (Law::CoulombFriction, Place::Joint(1), &|[_, w]| [0.0, (w / 0.05).tanh()]),
+            (LawName::ViscousFriction, Place::Joint(0), &|[v, _]| [v, 0.0]),
+            (LawName::CoulombFriction, Place::Joint(0), &|[v, _]| [(v / 0.05).tanh(), 0.0]),
+            (LawName::CoulombFriction, Place::Joint(1), &|[_, w]| [0.0, (w / 0.05).tanh()]),
         ];
         let are_surrogates = |residual: &dyn Fn([f64; 2]) -> [f64; 2]| {
             let problem = signals(&laws, residual);
@@ -312,8 +312,8 @@ mod tests {
     #[test]
     fn of_laws_that_are_surrogates_of_each_other_one_is_named() {
         let laws: [Added<'_>; 2] = [
-            (Law::ViscousFriction, Place::Joint(0), &|[v, _]| [v, 0.0]),
-            (Law::CoulombFriction, Place::Joint(0), &|[v, _]| [v / (1.0 + 0.05 * v.abs()), 0.0]),
+            (LawName::ViscousFriction, Place::Joint(0), &|[v, _]| [v, 0.0]),
+            (LawName::CoulombFriction, Place::Joint(0), &|[v, _]| [v / (1.0 + 0.05 * v.abs()), 0.0]),
         ];
         let problem = signals(&laws, |[v, _]| [v + 0.5 * v / (1.0 + 0.05 * v.abs()), 0.0]);
         let model = problem.fitted(vec![0, 1]).unwrap();

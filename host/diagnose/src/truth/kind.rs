@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use crate::effect::Law;
+use crate::effect::LawName;
 
 /// A kind of effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -64,8 +64,8 @@ impl Kind {
         [Self::StrokeLoss, Self::AnchorOffset, Self::GravitySag, Self::Play, Self::SupplyStroke, Self::ThermalGrowth];
 
     /// The law that is right for it.
-    pub fn law(self) -> Option<Law> {
-        Law::named(self.name())
+    pub fn law(self) -> Option<LawName> {
+        LawName::named(self.name())
     }
 
     /// Name of the law that is right for it; `none` of no effect, `no law` where none is right.

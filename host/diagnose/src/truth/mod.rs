@@ -20,7 +20,7 @@ use darm_core::units::Word;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::effect::{Law, Place};
+use crate::effect::{LawName, Place};
 use crate::outcome::Regressor;
 pub use blind::Blind;
 use darm_arm::arm::frames::DesiredFrame;
@@ -118,7 +118,7 @@ pub struct Sealed {
     pub place: String,
     /// The law and the place that a diagnosis is to name; `None` where none is right.
     #[serde(skip)]
-    pub cause: Option<(Law, Place)>,
+    pub cause: Option<(LawName, Place)>,
     /// Where no law is right: what it depends on.
     #[serde(skip)]
     pub regressor: Option<Regressor>,
@@ -324,7 +324,7 @@ impl Sealed {
     }
 
     /// Whether this law at this part of the arm is right.
-    pub fn is_at_part(&self, law: Law, place: &Place) -> bool {
+    pub fn is_at_part(&self, law: LawName, place: &Place) -> bool {
         self.cause.is_some_and(|(own, at)| own == law && at.part() == place.part())
     }
 

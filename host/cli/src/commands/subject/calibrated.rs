@@ -1,7 +1,7 @@
 //! The robot of a model of `darm diagnose`, with what a calibration found.
 
 use anyhow::Context as _;
-use darm_diagnose::effect::Law;
+use darm_diagnose::effect::LawName;
 use darm_diagnose::linearise::calibrated::{calibrated, with_joint_offsets};
 use darm_diagnose::linearise::measured_tool::MeasuredTool;
 use darm_diagnose::linearise::model::Predictor;
@@ -23,7 +23,7 @@ pub(super) fn robot(source: &Source, part: Part) -> anyhow::Result<Robot> {
             calibrated(&robot, tool.as_deref(), &model.effects).with_context(|| shown.to_string())
         }
         Predictor::Torque(robot, _) | Predictor::Wrench(robot) | Predictor::Any(robot) => {
-            let is_of_link = |effect: &ModelEffect| effect.law == Law::MassDistribution && !effect.is_carried();
+            let is_of_link = |effect: &ModelEffect| effect.law == LawName::MassDistribution && !effect.is_carried();
             if model.effects.iter().any(is_of_link) {
                 let text =
                     format!("{shown}: its effect mass-distribution changes masses: use `darm dynamics`, or the URDF");

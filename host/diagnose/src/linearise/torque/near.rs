@@ -2,16 +2,16 @@
 //! those of bodies with what is misplaced, the periods of ripples show in what the model leaves, and the distances over which
 //! friction turns round are searched near the one found.
 
-use darm_core::effect::basis::Law as BasisLaw;
+use darm_core::effect::basis::Law;
 
-use crate::effect::{Law, Site};
+use crate::effect::{LawName, Site};
 use crate::linearise::experiment::Experiment;
 use crate::linearise::model_effects::ModelEffect;
 use crate::measured::Measured;
 
 /// Whether a law is a ripple's sine or cosine.
-pub(crate) fn is_ripple(law: Law) -> bool {
-    matches!(law, Law::GearPeriodicSine | Law::GearPeriodicCosine)
+pub(crate) fn is_ripple(law: LawName) -> bool {
+    matches!(law, LawName::GearPeriodicSine | LawName::GearPeriodicCosine)
 }
 
 /// Distances near one that was found, as shares of it: those tried at first are farther apart than intervals of the level allow.
@@ -30,8 +30,10 @@ impl Near {
     /// experiment changes with it.
     pub(crate) fn model(experiment: &Experiment, values: &[f64], effects: &[ModelEffect]) -> Option<Self> {
         let changes = |effect: &ModelEffect| {
-            matches!(effect.law, Law::MassDistribution | Law::JointOffset | Law::BaseTilt | Law::PreslidingFriction)
-                || is_ripple(effect.law)
+            matches!(
+                effect.law,
+                LawName::MassDistribution | LawName::JointOffset | LawName::BaseTilt | LawName::PreslidingFriction
+            ) || is_ripple(effect.law)
         };
         if experiment.kind != Measured::JointTorque || !effects.iter().any(changes) {
             return None;
@@ -44,10 +46,10 @@ impl Near {
     }
 
     /// The laws of friction at a place with distances near those found.
-    pub(super) fn distances(&self, site: &Site) -> Vec<BasisLaw<f64>> {
+    pub(super) fn distances(&self, site: &Site) -> Vec<Law<f64>> {
         let found =
-            self.effects.iter().filter(|effect| effect.law == Law::PreslidingFriction && effect.place == site.code);
+            self.effects.iter().filter(|effect| effect.law == LawName::PreslidingFriction && effect.place == site.code);
         let near = found.flat_map(|effect| NEAR.map(|share| (effect.law, effect.constant.map(|found| share * found))));
-        near.filter_map(|(law, distance)| BasisLaw::named(law, distance)).collect()
+        near.filter_map(|(law, distance)| Law::named(law, distance)).collect()
     }
 }

@@ -23,7 +23,7 @@ use darm_robot::tree::LinkTree;
 use darm_robot::tree::spatial::Motion;
 use rayon::prelude::{IndexedParallelIterator as _, IntoParallelRefIterator as _, ParallelIterator as _};
 
-use crate::effect::{Law, Place, Site};
+use crate::effect::{LawName, Place, Site};
 use crate::linearise::experiment::{Candidate, Value};
 use crate::linearise::model_effects::ModelEffect;
 use crate::linearise::serial_chain::{OFFSET, TURNS, across};
@@ -63,13 +63,13 @@ pub(super) struct Placement {
 impl Placement {
     /// Where these effects of a model put them; `sites` are those of the joints.
     pub(super) fn of(robot: &Robot, sites: &[Site], effects: &[ModelEffect]) -> Self {
-        let size = |law: Law, place: &str, name: &str| -> f64 {
+        let size = |law: LawName, place: &str, name: &str| -> f64 {
             let own = effects.iter().filter(|effect| effect.law == law && effect.place == place);
             own.filter_map(|effect| effect.values.get(name)).sum()
         };
         let about = axes_of_tilt(&robot.gravity);
-        let turn = about.iter().zip(TURNS).map(|(about, name)| about * size(Law::BaseTilt, BASE, name)).sum();
-        let offsets = sites.iter().map(|site| size(Law::JointOffset, &site.code, OFFSET[0])).collect();
+        let turn = about.iter().zip(TURNS).map(|(about, name)| about * size(LawName::BaseTilt, BASE, name)).sum();
+        let offsets = sites.iter().map(|site| size(LawName::JointOffset, &site.code, OFFSET[0])).collect();
         Self { offsets, gravity: turned(&robot.gravity, &turn) }
     }
 
@@ -143,7 +143,7 @@ impl Misplaced {
             let Moves::Joint(joint) = *moves else { return None };
             let turns = robot.joints[joint].joint.axis.kind == JointKind::Revolute;
             let values = vec![value(OFFSET[0], if turns { TURN } else { SHIFT }, column)];
-            Some(Candidate { law: Law::JointOffset, site: sites[joint].clone(), shape: None, values })
+            Some(Candidate { law: LawName::JointOffset, site: sites[joint].clone(), shape: None, values })
         };
         let of_base = |(moves, column): &(Moves, Vec<f64>)| match moves {
             Moves::Base(_, name) => Some(value(name, TURN, column)),
@@ -152,7 +152,7 @@ impl Misplaced {
         let values: Vec<Value> = self.moves.iter().filter_map(of_base).collect();
         let of_joints = self.moves.iter().filter_map(of_joint);
         let site = Site::new(Place::Base, BASE);
-        let tilt = (!values.is_empty()).then_some(Candidate { law: Law::BaseTilt, site, shape: None, values });
+        let tilt = (!values.is_empty()).then_some(Candidate { law: LawName::BaseTilt, site, shape: None, values });
         of_joints.chain(tilt).collect()
     }
 

@@ -11,7 +11,7 @@ use darm_robot::robot::{Motion, Robot};
 use super::experiment;
 use super::placement::{Misplaced, Placement};
 use crate::diagnosis::{SignalOptions, diagnose_table};
-use crate::effect::{Law, Place, Site};
+use crate::effect::{LawName, Place, Site};
 use crate::linearise::experiment::Candidate;
 use crate::linearise::model::{Model, Predictor};
 use crate::linearise::model_effects::ModelEffect;
@@ -114,9 +114,9 @@ fn diagnosed_with(noise_nm: f64, measured: impl Fn(f64) -> (Vec<f64>, u32)) -> D
 }
 
 /// Intervals of the values of the only effect that is named, by their names.
-fn alone(found: &Diagnosis, law: Law, place: Place) -> BTreeMap<String, [f64; 2]> {
+fn alone(found: &Diagnosis, law: LawName, place: Place) -> BTreeMap<String, [f64; 2]> {
     assert_eq!(found.verdict, Verdict::EffectFound, "{:?}", found.plain);
-    let named: Vec<(Law, Place)> = found.effects.iter().map(|effect| (effect.law, effect.site.place)).collect();
+    let named: Vec<(LawName, Place)> = found.effects.iter().map(|effect| (effect.law, effect.site.place)).collect();
     assert_eq!(named, [(law, place)], "{:?}", found.plain);
     found.effects[0].values.iter().map(|value| (value.name.clone(), value.ci95.unwrap())).collect()
 }
@@ -157,7 +157,7 @@ fn columns_are_the_first_order_of_what_moved_robots_need() {
 }
 
 /// An effect of a model, with these values.
-fn effect<const N: usize>(law: Law, place: &str, values: [(&str, f64); N]) -> ModelEffect {
+fn effect<const N: usize>(law: LawName, place: &str, values: [(&str, f64); N]) -> ModelEffect {
     let values = BTreeMap::from(values.map(|(name, value)| (name.to_string(), value)));
     ModelEffect { law, place: place.into(), constant: None, values, along: None, points: Vec::new() }
 }
@@ -194,8 +194,8 @@ fn what_columns_leave_out_of_moved_robots_is_added() {
         moved
     };
     let found = [
-        effect(Law::JointOffset, &sites[2].code, [("offset", 0.19)]),
-        effect(Law::BaseTilt, "the base", [("second turn across", 0.14)]),
+        effect(LawName::JointOffset, &sites[2].code, [("offset", 0.19)]),
+        effect(LawName::BaseTilt, "the base", [("second turn across", 0.14)]),
     ];
     let near = (Placement::of(&robot, &sites, &found), &off[..]);
     let misplaced_near = Misplaced::new(&robot, states.clone(), carried.clone(), near).unwrap();
@@ -223,7 +223,7 @@ fn the_base_of_a_robot_with_parallel_axes_tilts_as_its_first_joint_is_offset() {
     let sites: Vec<Site> = (0..2).map(|joint| site_of_joint(&robot, joint, joint)).collect();
     let candidates = candidates(&robot, &states, &sites);
     let [offset, _, tilt] = &candidates[..] else { panic!("{}", candidates.len()) };
-    assert_eq!((tilt.law, tilt.values.len()), (Law::BaseTilt, 1));
+    assert_eq!((tilt.law, tilt.values.len()), (LawName::BaseTilt, 1));
     // Differences with a step of 1e-4 are good to 1e-8 of the torque.
     let largest = offset.values[0].column.iter().fold(0.0, |largest: f64, slope| largest.max(slope.abs()));
     let pairs = || offset.values[0].column.iter().zip(&tilt.values[0].column);
@@ -234,21 +234,21 @@ fn the_base_of_a_robot_with_parallel_axes_tilts_as_its_first_joint_is_offset() {
 #[test]
 fn an_offset_of_a_joint_is_named_alone_with_its_size() {
     let real = with_offset(1, 0.01);
-    let values = alone(&diagnosed(|t| (torque(&real, &state(t)), 0)), Law::JointOffset, Place::Joint(1));
+    let values = alone(&diagnosed(|t| (torque(&real, &state(t)), 0)), LawName::JointOffset, Place::Joint(1));
     holds(values["offset"], 0.01, 0.003);
 }
 
 #[test]
 fn a_large_offset_is_named_alone_where_noise_is_small() {
     let real = with_offset(2, 0.05);
-    let values = alone(&diagnosed_with(0.01, |t| (torque(&real, &state(t)), 0)), Law::JointOffset, Place::Joint(2));
+    let values = alone(&diagnosed_with(0.01, |t| (torque(&real, &state(t)), 0)), LawName::JointOffset, Place::Joint(2));
     holds(values["offset"], 0.05, 0.001);
 }
 
 #[test]
 fn a_tilted_base_is_named_alone_with_its_size() {
     let real = tilted(Vec3::new(0.0, 0.01, 0.0));
-    let values = alone(&diagnosed(|t| (torque(&real, &state(t)), 0)), Law::BaseTilt, Place::Base);
+    let values = alone(&diagnosed(|t| (torque(&real, &state(t)), 0)), LawName::BaseTilt, Place::Base);
     holds(values["first turn across"], 0.0, 0.003);
     holds(values["second turn across"], 0.01, 0.003);
 }
@@ -258,9 +258,14 @@ fn a_heavy_link_on_a_tilted_base_is_named_beside_the_tilt() {
     let mut real = loaded(2.0, Vec3::new(0.03, 0.0, 0.1));
     real.gravity = tilted(Vec3::new(0.0, 0.08, 0.0)).gravity;
     let found = diagnosed_with(0.02, |t| (torque(&real, &state(t)), 0));
-    let mut named: Vec<(Law, Place)> = found.effects.iter().map(|effect| (effect.law, effect.site.place)).collect();
+    let mut named: Vec<(LawName, Place)> = found.effects.iter().map(|effect| (effect.law, effect.site.place)).collect();
     named.sort_unstable();
-    assert_eq!(named, [(Law::BaseTilt, Place::Base), (Law::MassDistribution, Place::Link(3))], "{:?}", found.plain);
+    assert_eq!(
+        named,
+        [(LawName::BaseTilt, Place::Base), (LawName::MassDistribution, Place::Link(3))],
+        "{:?}",
+        found.plain
+    );
 }
 
 #[test]
@@ -269,7 +274,7 @@ fn what_is_carried_in_a_part_of_the_rows_is_named_alone_with_its_mass() {
     let half_s = STEP_S * f64::from(ROWS / 2);
     let measured = |t: f64| if t < half_s { (&empty, 0) } else { (&full, 3) };
     let found = diagnosed(|t| (torque(measured(t).0, &state(t)), measured(t).1));
-    let values = alone(&found, Law::MassDistribution, Place::Payload(3));
+    let values = alone(&found, LawName::MassDistribution, Place::Payload(3));
     holds(values["m"], 2.0, 0.3);
     holds(values["m·cz"], 0.2, 0.1);
 }
@@ -281,20 +286,20 @@ fn what_is_carried_from_some_time_on_is_no_offset_of_each_joint() {
     let from_s = 0.6 * STEP_S * f64::from(ROWS);
     let found = diagnosed(|t| (torque(if t < from_s { &empty } else { &full }, &state(t)), 0));
     assert_ne!(found.verdict, Verdict::EffectFound, "{:?}", found.plain);
-    assert!(!found.effects.iter().any(|effect| effect.law == Law::StepInTime), "{:?}", found.plain);
+    assert!(!found.effects.iter().any(|effect| effect.law == LawName::StepInTime), "{:?}", found.plain);
 }
 
 #[test]
 fn what_is_carried_in_all_rows_is_a_part_of_the_link_that_carries_it() {
     let full = loaded(2.0, Vec3::new(0.03, 0.0, 0.1));
-    let values = alone(&diagnosed(|t| (torque(&full, &state(t)), 1)), Law::MassDistribution, Place::Link(3));
+    let values = alone(&diagnosed(|t| (torque(&full, &state(t)), 1)), LawName::MassDistribution, Place::Link(3));
     holds(values["m"], 2.0, 0.3);
 }
 
 #[test]
 fn torques_that_all_come_late_have_one_delay() {
     let (real, late_s) = (tx40(), 0.02);
-    let values = alone(&diagnosed(|t| (torque(&real, &state(t - late_s)), 0)), Law::Delay, Place::AllJoints);
+    let values = alone(&diagnosed(|t| (torque(&real, &state(t - late_s)), 0)), LawName::Delay, Place::AllJoints);
     holds(values["delay"], late_s, 0.003);
 }
 
@@ -339,8 +344,8 @@ fn changed_at_the_second_joint(change: impl Fn(f64, f64, f64) -> f64) -> Diagnos
 fn a_spring_that_balances_a_link_is_not_told_from_the_weight_of_the_link() {
     let found = changed_at_the_second_joint(|_, q, _| 12.0 * (q + 0.4).sin());
     assert_eq!(found.verdict, Verdict::NotIdentifiable, "{:?}", found.plain);
-    let laws: Vec<Law> = found.alternatives.iter().map(|other| other.law).collect();
-    assert!(laws.contains(&Law::MassDistribution) && laws.contains(&Law::Spring), "{laws:?}");
+    let laws: Vec<LawName> = found.alternatives.iter().map(|other| other.law).collect();
+    assert!(laws.contains(&LawName::MassDistribution) && laws.contains(&LawName::Spring), "{laws:?}");
     assert!(found.next_measurement.is_none(), "no motion distinguishes them");
 }
 
