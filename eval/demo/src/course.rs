@@ -9,7 +9,7 @@ use darm_core::units::Word;
 use darm_diagnose::correction::{self, Outcome};
 use darm_diagnose::diagnosis;
 use darm_diagnose::diagnosis::diagnose;
-use darm_diagnose::measurement_plan::{self, Step, plan};
+use darm_diagnose::measurement_plan::{self, PlanStep, plan};
 use darm_diagnose::outcome::Diagnosis;
 use darm_diagnose::outcome::Verdict;
 use darm_diagnose::truth::{Sealed, Truth, scatter_m};
@@ -133,7 +133,8 @@ pub(crate) fn run(
     let rng = ChaCha8Rng::seed_from_u64(task.seed ^ 0xca3e_7a00);
     let mut station = Station { rig, rng, progress };
 
-    let steps = plan(arm, &measurement_plan::Options { seed: task.seed, ..measurement_plan::Options::default() });
+    let steps =
+        plan(arm, &measurement_plan::PlanOptions { seed: task.seed, ..measurement_plan::PlanOptions::default() });
     progress.say(format!("table: {} visits measured, {FRAME_VISITS} × {} frames", steps.len(), wanted.len()));
     let mut stops = frame_visits(wanted);
     let n_frame_stops = stops.len();
@@ -148,7 +149,7 @@ pub(crate) fn run(
 
     progress.say("diagnosis");
     let Outcome { diagnosis, correction } =
-        diagnose(arm, &run, &diagnosis::Options { seed: task.seed, ..diagnosis::Options::default() })?;
+        diagnose(arm, &run, &diagnosis::PoseOptions { seed: task.seed, ..diagnosis::PoseOptions::default() })?;
     keep("diagnosis.json", Keep::Diagnosis(&diagnosis))?;
     let closed = match diagnosis.verdict {
         verdict if verdict.names_effects() => {
@@ -239,7 +240,7 @@ fn frame_visits(frames: &[DesiredFrame]) -> Vec<Stop> {
 }
 
 /// What was measured, in numbers.
-fn figures(steps: &[Step], measured: &Measured) -> PlanFigures {
+fn figures(steps: &[PlanStep], measured: &Measured) -> PlanFigures {
     let words: BTreeSet<Word> = steps.iter().map(|step| step.word).collect();
     let held_out: BTreeSet<Word> = steps.iter().filter(|step| step.held_out).map(|step| step.word).collect();
     let repeats = steps.iter().filter(|step| step.repeat).count();

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use anyhow::Result;
 use darm_arm::arm::Arm;
 use darm_arm::arm::frames::{DesiredFrame, Weights};
-use darm_diagnose::measurement_plan::{Options, Step, as_run, candidates, plan};
+use darm_diagnose::measurement_plan::{PlanOptions, PlanStep, as_run, candidates, plan};
 use darm_measure::Sample;
 
 use xtask::setup;
@@ -21,21 +21,21 @@ const TOOL_KG: f64 = 0.5;
 /// An arm and what it plays.
 pub(crate) struct Subject {
     pub(crate) arm: Arm,
-    plans: [OnceLock<Vec<Step>>; PLANS],
+    plans: [OnceLock<Vec<PlanStep>>; PLANS],
 }
 
 impl Subject {
     /// Some words as frames that the arm is to reach, where its model has them.
     pub(crate) fn frames(&self, seed: u64) -> Vec<DesiredFrame> {
-        let steps: Vec<Step> = candidates(&self.arm, seed).into_iter().take(FRAMES).collect();
+        let steps: Vec<PlanStep> = candidates(&self.arm, seed).into_iter().take(FRAMES).collect();
         let run = as_run(&self.arm, &steps, self.arm.model.nominal_supply, self.arm.model.reference_temperature_k);
         run.samples.into_iter().map(|sample| frame(&self.arm, sample)).collect()
     }
 
     /// What the arm plays for a seed.
-    pub(crate) fn steps(&self, seed: u64) -> &[Step] {
+    pub(crate) fn steps(&self, seed: u64) -> &[PlanStep] {
         let seed = seed % PLANS as u64;
-        let made = || plan(&self.arm, &Options { seed, ..Options::default() });
+        let made = || plan(&self.arm, &PlanOptions { seed, ..PlanOptions::default() });
         self.plans[seed as usize].get_or_init(made)
     }
 }

@@ -17,7 +17,7 @@ use darm_diagnose::effect::Place;
 use darm_diagnose::linearise::arm_candidates::{all, beginning};
 use darm_diagnose::linearise::sensitivity::Sensitivity;
 use darm_diagnose::prepare::observations::{NoPose, Observations};
-use darm_diagnose::prepare::repeatability::{Noise, repeated};
+use darm_diagnose::prepare::repeatability::{PoseRepeatability, repeated};
 use darm_diagnose::truth::Blind;
 use darm_measure::root_mean_square;
 use nalgebra::{DMatrix, DVector};
@@ -67,7 +67,7 @@ struct Dictionary {
     held_out: Observations,
     held_out_columns: DMatrix<f64>,
     held_out_residuals: Vec<f64>,
-    noise: Noise,
+    noise: PoseRepeatability,
 }
 
 /// Squares and products of columns and residuals.
@@ -80,7 +80,7 @@ struct Sums {
 }
 
 impl Dictionary {
-    fn new(arm: &Arm, blind: &Blind, noise: Noise) -> Result<Self, NoPose> {
+    fn new(arm: &Arm, blind: &Blind, noise: PoseRepeatability) -> Result<Self, NoPose> {
         let (run, mut scratch) = (blind.measured(), ArmScratch::default());
         let training = Observations::new(arm, run, noise.sigma, |sample| !sample.held_out);
         let held_out = Observations::new(arm, run, noise.sigma, |sample| sample.held_out);

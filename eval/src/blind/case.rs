@@ -1,6 +1,6 @@
 //! One seed: which arm, which effects, and the run that is diagnosed.
 
-use darm_diagnose::measurement_plan::Step;
+use darm_diagnose::measurement_plan::PlanStep;
 use darm_diagnose::truth::{Blind, Kind, TruthError};
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
@@ -59,7 +59,7 @@ pub(super) fn draw(subject: &Subject, seed: u64) -> Result<Blind, TruthError> {
 /// The true arm of a class and seed that makes these steps, with effects of the kinds that are allowed.
 pub(super) fn draw_from(
     subject: &Subject,
-    steps: &[Step],
+    steps: &[PlanStep],
     (class, seed): (Class, u64),
     allows: impl Fn(Kind) -> bool,
 ) -> Result<Blind, TruthError> {

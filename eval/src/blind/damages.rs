@@ -158,7 +158,7 @@ fn diagnosis_of_poses(log: &PoseLog) -> Result<Diagnosis> {
     if run.samples.is_empty() {
         anyhow::bail!("no row is left");
     }
-    let outcome: Result<_, DiagnoseError> = diagnose(&log.arm, &run, &diagnosis::Options::default());
+    let outcome: Result<_, DiagnoseError> = diagnose(&log.arm, &run, &diagnosis::PoseOptions::default());
     Ok(outcome?.diagnosis)
 }
 

@@ -3,7 +3,7 @@
 use clap::ValueEnum;
 use darm_core::real::Vec3;
 use darm_core::se::{Pose, Twist};
-use darm_diagnose::measurement_plan::Step;
+use darm_diagnose::measurement_plan::PlanStep;
 use darm_diagnose::prepare::sampling::usual_step_s;
 use darm_diagnose::truth::Kind;
 use darm_measure::Run;
@@ -76,7 +76,7 @@ impl Layout {
     }
 
     /// The steps of a plan in this layout.
-    pub(super) fn steps(self, plan: &[Step], rng: &mut impl Rng) -> Vec<Step> {
+    pub(super) fn steps(self, plan: &[PlanStep], rng: &mut impl Rng) -> Vec<PlanStep> {
         let mut steps = plan.to_vec();
         match self {
             Self::Scattered | Self::ScatteredNoHeldOut => steps = scattered(steps, rng),
@@ -143,11 +143,11 @@ impl Layout {
 }
 
 /// The repeats of a plan made at other times, each after a step to the word that it comes from.
-fn scattered(steps: Vec<Step>, rng: &mut impl Rng) -> Vec<Step> {
-    let (mut repeats, mut visits): (Vec<Step>, Vec<Step>) = (Vec::new(), Vec::new());
+fn scattered(steps: Vec<PlanStep>, rng: &mut impl Rng) -> Vec<PlanStep> {
+    let (mut repeats, mut visits): (Vec<PlanStep>, Vec<PlanStep>) = (Vec::new(), Vec::new());
     for step in steps {
         match visits.last() {
-            Some(first) if step.repeat => repeats.push(Step { repeat: false, ..first.clone() }),
+            Some(first) if step.repeat => repeats.push(PlanStep { repeat: false, ..first.clone() }),
             _ => visits.push(step),
         }
     }
@@ -155,16 +155,17 @@ fn scattered(steps: Vec<Step>, rng: &mut impl Rng) -> Vec<Step> {
     before.sort_unstable();
     repeats.shuffle(rng);
     let mut places = before.into_iter().zip(repeats).peekable();
-    let mut all: Vec<Step> = Vec::new();
+    let mut all: Vec<PlanStep> = Vec::new();
     for (index, step) in visits.into_iter().enumerate() {
         while let Some((_, repeat)) = places.next_if(|(place, _)| *place == index) {
             let current = all.last().map_or(repeat.previous, |last| last.word);
-            let aside = Step { word: repeat.previous, previous: current, held_out: step.held_out, ..repeat.clone() };
+            let aside =
+                PlanStep { word: repeat.previous, previous: current, held_out: step.held_out, ..repeat.clone() };
             all.push(aside);
             all.push(repeat);
         }
         let previous = all.last().map_or(step.previous, |last| last.word);
-        all.push(Step { previous, ..step });
+        all.push(PlanStep { previous, ..step });
     }
     all
 }

@@ -115,7 +115,7 @@ fn run(bench: &Bench, layout: Layout, class: Class, seed: u64) -> Result<(Outcom
     layout.change(blind.measured_mut(), scatter_m, &mut rng);
     let truth: Vec<String> =
         blind.unseal().iter().map(|sealed| format!("{} {}", sealed.effect, sealed.place)).collect();
-    let outcome = match diagnose(&subject.arm, blind.measured(), &diagnosis::Options::default()) {
+    let outcome = match diagnose(&subject.arm, blind.measured(), &diagnosis::PoseOptions::default()) {
         Ok(outcome) => outcome,
         Err(error) => {
             let answer = Answer::Refused;

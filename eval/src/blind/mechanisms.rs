@@ -43,7 +43,7 @@ fn is_inside(kind: Kind) -> bool {
 pub(super) fn mark(subjects: &[Subject; 3], kind: Kind, seed: u64) -> Result<Mark> {
     let subject = if kind == Kind::JointOffset { &subjects[2] } else { &subjects[0] };
     let blind = Blind::draw(&subject.arm, subject.steps(seed), &[kind], seed)?;
-    let diagnosis = diagnose(&subject.arm, blind.measured(), &diagnosis::Options::default())?;
+    let diagnosis = diagnose(&subject.arm, blind.measured(), &diagnosis::PoseOptions::default())?;
     let class = if is_inside(kind) { Class::One } else { Class::Outside };
     judge::mark(&subject.arm, class, &blind, &diagnosis)
 }

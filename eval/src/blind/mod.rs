@@ -207,7 +207,7 @@ impl Bench {
 fn poses(subject: &Subject, arm: ArmKind, seed: u64) -> Result<Outcome> {
     let class = Class::of(seed);
     let blind = case::draw(subject, seed)?;
-    let diagnosis = diagnose(&subject.arm, blind.measured(), &diagnosis::Options::default())?;
+    let diagnosis = diagnose(&subject.arm, blind.measured(), &diagnosis::PoseOptions::default())?;
     let darm = judge::mark(&subject.arm, class, &blind, &diagnosis)?;
     let baselines = baseline::marks(&subject.arm, class, &blind)?;
     let truth: Vec<String> = blind

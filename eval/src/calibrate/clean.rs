@@ -1,7 +1,7 @@
 //! Arms without an effect: whether the loop says so.
 
 use anyhow::{Context as _, Result};
-use darm_diagnose::calibrate::{Options, Task};
+use darm_diagnose::calibrate::{CalibrateOptions, Task};
 use darm_diagnose::outcome::Verdict;
 use darm_diagnose::truth::Blind;
 use darm_figures::figure::Figure;
@@ -45,7 +45,7 @@ impl Job for Clean {
     fn run(&self, subjects: &[Subject; 3], item: usize) -> Result<Answer> {
         let seed = self.first_seed + item as u64;
         let subject = &subjects[item % subjects.len()];
-        let options = Options { seed, ..Options::default() };
+        let options = CalibrateOptions { seed, ..CalibrateOptions::default() };
         let truth = Blind::draw(&subject.arm, subject.steps(seed), &[], seed)?;
         let frames = subject.frames(seed);
         let task = Task { arm: &subject.arm, frames: &frames, options: &options };

@@ -3,7 +3,7 @@
 use anyhow::{Context as _, Result};
 use darm_arm::arm::Arm;
 use darm_arm::arm::frames::DesiredFrame;
-use darm_diagnose::calibrate::{Options, Task};
+use darm_diagnose::calibrate::{CalibrateOptions, Task};
 use darm_diagnose::diagnosis::{self, diagnose};
 use darm_diagnose::measurement_plan::{self, plan};
 use darm_diagnose::outcome::Diagnosis;
@@ -70,18 +70,18 @@ impl Job for Effects {
 
     fn run(&self, bench: &Bench, item: usize) -> Result<Course> {
         let (kind, seed) = self.kind_and_seed(item);
-        let steps = plan(&bench.arm, &measurement_plan::Options { seed, ..Default::default() });
+        let steps = plan(&bench.arm, &measurement_plan::PlanOptions { seed, ..Default::default() });
         let truth = Blind::draw(&bench.arm, &steps, &[kind], seed)?;
         let planned = truth.measure(&bench.arm, &steps, 0, !seed)?;
-        let by_plan = diagnose(&bench.arm, &planned, &diagnosis::Options { seed, ..Default::default() })?.diagnosis;
+        let by_plan = diagnose(&bench.arm, &planned, &diagnosis::PoseOptions { seed, ..Default::default() })?.diagnosis;
         // The goal of the loop, without its end: the looks after it say when the interval is as narrow as that of the plan.
-        let options = Options { seed, goal_m: Some(0.0), ..Options::default() };
+        let options = CalibrateOptions { seed, goal_m: Some(0.0), ..CalibrateOptions::default() };
         let task = Task { arm: &bench.arm, frames: &bench.frames, options: &options };
         let (mut end, mut as_narrow) = (None, None);
         let mut last = None;
         calibrate(&task, &mut Simulated::new(&bench.arm, &truth, seed), |look, visits| {
             let found = &look.outcome.diagnosis;
-            if end.is_none() && look.end_at(Options::default().goal_after(found)).is_some() {
+            if end.is_none() && look.end_at(CalibrateOptions::default().goal_after(found)).is_some() {
                 end = Some((found.clone(), visits));
             }
             if as_narrow.is_none() && width(found, &by_plan).is_some_and(|width| width <= 1.0) {
@@ -166,7 +166,7 @@ fn width(found: &Diagnosis, other: &Diagnosis) -> Option<f64> {
         return None;
     }
     let width = |ci95: Option<[f64; 2]>| ci95.map(|[low, high]| high - low);
-    let ratio = |(a, b): (&darm_diagnose::outcome::Value, &darm_diagnose::outcome::Value)| {
+    let ratio = |(a, b): (&darm_diagnose::outcome::EffectValue, &darm_diagnose::outcome::EffectValue)| {
         Some(width(a.ci95)? / width(b.ci95)?)
     };
     pairs.flat_map(|(a, b)| a.values.iter().zip(&b.values)).filter_map(ratio).reduce(f64::max)

@@ -6,7 +6,7 @@ mod demo;
 use anyhow::Result;
 use darm_arm::arm::Arm;
 use darm_diagnose::calibrate::{Look, Next, State, Station, Task, look};
-use darm_diagnose::measurement_plan::Step;
+use darm_diagnose::measurement_plan::PlanStep;
 use darm_diagnose::progress::Progress;
 use darm_diagnose::truth::Blind;
 use darm_figures::items::{self, Spread};
@@ -46,7 +46,7 @@ pub(crate) struct Simulated<'a> {
     arm: &'a Arm,
     truth: &'a Blind,
     seed: u64,
-    visited: Vec<Step>,
+    visited: Vec<PlanStep>,
 }
 
 impl<'a> Simulated<'a> {
@@ -58,7 +58,7 @@ impl<'a> Simulated<'a> {
 impl Station for Simulated<'_> {
     type Error = anyhow::Error;
 
-    fn measure(&mut self, visits: &[Step]) -> Result<Vec<Sample>> {
+    fn measure(&mut self, visits: &[PlanStep]) -> Result<Vec<Sample>> {
         let from = self.visited.len();
         self.visited.extend_from_slice(visits);
         Ok(self.truth.measure(self.arm, &self.visited, from, self.seed)?.samples)

@@ -30,7 +30,7 @@ use serde::{Deserialize, Serialize};
 use crate::correction::{ArmCorrection, Outcome};
 use crate::diagnosis::{self, diagnose};
 use crate::error::DiagnoseError;
-use crate::measurement_plan::{NOISE, Step};
+use crate::measurement_plan::{NOISE, PlanStep};
 use crate::outcome::{Diagnosis, Verdict};
 use crate::prepare::observations::NoPose;
 use crate::prepare::repeatability::repeated;
@@ -42,7 +42,7 @@ use found::Found;
 
 /// How an arm is calibrated.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Options {
+pub struct CalibrateOptions {
     /// How many looks there are at most; fixed before the first.
     pub looks: usize,
     /// Visits of the first, which has to measure the repeatability and to confirm by itself.
@@ -56,7 +56,7 @@ pub struct Options {
     pub seed: u64,
 }
 
-impl Options {
+impl CalibrateOptions {
     /// How far the pose at the frames may be from the predicted one, in units of the repeatability, where no goal is given:
     /// a fifth adds 2 % to what is measured there.
     const DEFAULT_GOAL: f64 = 0.2;
@@ -79,7 +79,7 @@ impl Options {
     }
 }
 
-impl Default for Options {
+impl Default for CalibrateOptions {
     fn default() -> Self {
         Self { looks: 11, first_visits: 62, visits: 31, goal_m: None, seed: 1 }
     }
@@ -93,7 +93,7 @@ pub struct Task<'a> {
     /// Where its tool is to go.
     pub frames: &'a [DesiredFrame],
     /// How.
-    pub options: &'a Options,
+    pub options: &'a CalibrateOptions,
 }
 
 /// Who plays visits and measures.
@@ -106,7 +106,7 @@ pub trait Station {
     /// # Errors
     ///
     /// The arm could not be moved, or not be measured.
-    fn measure(&mut self, visits: &[Step]) -> Result<Vec<Sample>, Self::Error>;
+    fn measure(&mut self, visits: &[PlanStep]) -> Result<Vec<Sample>, Self::Error>;
 }
 
 /// What was measured so far.
@@ -138,7 +138,7 @@ pub struct Look {
 #[derive(Clone, Debug, PartialEq)]
 pub enum Next {
     /// These visits.
-    Measure(Vec<Step>),
+    Measure(Vec<PlanStep>),
     /// Nothing more.
     Stop(Reason),
 }
@@ -163,7 +163,7 @@ impl Task<'_> {
     /// # Errors
     ///
     /// The model of the arm has no pose for a word.
-    pub fn first(&self) -> Result<Vec<Step>, DiagnoseError> {
+    pub fn first(&self) -> Result<Vec<PlanStep>, DiagnoseError> {
         let run = Run::default();
         Design::new(self.arm, self.options.seed).next(self, &run, None, 0).map_err(|none| no_pose(&run, none))
     }
@@ -218,7 +218,7 @@ pub fn look(task: &Task, state: &State, progress: &Progress) -> Result<Look, Dia
     let shares = spending::shares(&options.visits_of_looks());
     let share = shares.get(state.looks.saturating_sub(1)).copied().unwrap_or(0.0);
     let levels = Levels::share(share);
-    let how = diagnosis::Options { seed: options.seed, levels, progress: progress.clone(), ..Default::default() };
+    let how = diagnosis::PoseOptions { seed: options.seed, levels, progress: progress.clone(), ..Default::default() };
     let outcome = diagnose(task.arm, run, &how)?;
     let none = |none| no_pose(run, none);
     let uncertainty_m = uncertainty_m(task, run, &outcome).map_err(none)?;

@@ -23,7 +23,7 @@ use crate::linearise::model::Model;
 use crate::linearise::model_effects::{self, ModelEffect};
 use crate::outcome::{Dependence, Diagnosis, Misreading, Number, OtherReading};
 use crate::prepare::observations::{NoPose, Observations};
-use crate::prepare::repeatability::{self, Noise};
+use crate::prepare::repeatability::{self, PoseRepeatability};
 use crate::prepare::run_findings;
 use crate::prepare::signals::{Preparation, PrepareError};
 use crate::progress::{Cancelled, Progress, Stage};
@@ -47,7 +47,7 @@ pub use crate::report::sentences::effect_sentence;
 
 /// How tool poses are diagnosed.
 #[derive(Clone, Debug)]
-pub struct Options {
+pub struct PoseOptions {
     /// Shuffles the words into folds.
     pub seed: u64,
     /// How many words a proposed measurement has.
@@ -60,7 +60,7 @@ pub struct Options {
     pub progress: Progress,
 }
 
-impl Default for Options {
+impl Default for PoseOptions {
     fn default() -> Self {
         let (levels, progress) = (Levels::default(), Progress::default());
         Self { seed: 1, next_words: 12, rejected: Vec::new(), levels, progress }
@@ -87,7 +87,7 @@ pub struct SignalOptions {
 /// # Errors
 ///
 /// A run that does not fit the arm, or has too few words.
-pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Outcome<ArmCorrection>, DiagnoseError> {
+pub fn diagnose(arm: &Arm, run: &Run, options: &PoseOptions) -> Result<Outcome<ArmCorrection>, DiagnoseError> {
     let no_trial = |none| no_trial(run, none);
     options.progress.enter(Stage::Prepare)?;
     let mut findings = check(arm, run);
@@ -142,13 +142,13 @@ fn read_in_fahrenheit(
     arm: &Arm,
     run: &Run,
     (problem, best): (&ToolPoses, &Trial<ToolPoses>),
-    options: &Options,
+    options: &PoseOptions,
 ) -> Result<Option<OtherReading>, DiagnoseError> {
     let no_trial = |none| no_trial(run, none);
     let read = run_findings::in_fahrenheit(run);
     // In units of the same noise, so that both can be compared.
     let sigma = problem.training.sigma;
-    let noise = Noise { sigma, dof: repeatability::MIN_DOF, distance_m: 0.0, is_rounded: false };
+    let noise = PoseRepeatability { sigma, dof: repeatability::MIN_DOF, distance_m: 0.0, is_rounded: false };
     let other = prepare_poses(arm, &read, Some(&noise), options)?;
     let start = other.fitted(&arm.model).map_err(no_trial)?;
     let Selection { best: with, .. } = forward_selection(&other, start, Vec::new()).map_err(no_trial)?;
@@ -170,7 +170,12 @@ fn withhold_intervals(effects: &mut [Effect]) {
 
 /// The rows of a run as a regression problem, in units of the noise of its repeats; without enough repeats in that of the residuals
 /// that remain once the effects which are selected first are in the model.
-fn prepare_poses(arm: &Arm, run: &Run, repeats: Option<&Noise>, options: &Options) -> Result<ToolPoses, DiagnoseError> {
+fn prepare_poses(
+    arm: &Arm,
+    run: &Run,
+    repeats: Option<&PoseRepeatability>,
+    options: &PoseOptions,
+) -> Result<ToolPoses, DiagnoseError> {
     let no_trial = |none| no_trial(run, none);
     let sigma = match repeats {
         Some(noise) => noise.sigma,
@@ -212,7 +217,7 @@ fn no_trial(run: &Run, none: NoTrial) -> DiagnoseError {
 }
 
 /// Without repeats: the model's own residuals give the noise that weighs the axes, though they hold more than noise.
-fn scatter(arm: &Arm, run: &Run) -> Result<Noise, NoPose> {
+fn scatter(arm: &Arm, run: &Run) -> Result<PoseRepeatability, NoPose> {
     let plain = Observations::new(arm, run, [1.0; 6], |sample| !sample.held_out);
     let residuals = plain.residuals(&arm.model, &mut ArmScratch::default())?;
     Ok(repeatability::of_residuals(arm, &plain, &residuals))

@@ -103,14 +103,14 @@ pub struct Effect {
     pub site: Site,
     /// Its values.
     #[serde(rename = "parameters")]
-    pub values: Vec<Value>,
+    pub values: Vec<EffectValue>,
     /// By how much the norm of the held-out error is larger without it; `None` where no rows are held out.
     pub held_out_gain: Option<Number>,
 }
 
 /// One value of an effect.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Value {
+pub struct EffectValue {
     /// Its name.
     pub name: String,
     /// The value.

@@ -9,7 +9,7 @@ use darm_robot::source::{ModelKind, Source};
 use darm_robot::urdf::Selection;
 
 use crate::correction::{ArmCorrection, Keep, SignalCorrection};
-use crate::diagnosis::{Options, SignalOptions, diagnose, diagnose_file};
+use crate::diagnosis::{PoseOptions, SignalOptions, diagnose, diagnose_file};
 use crate::error::DiagnoseError;
 use crate::linearise::model::{Model, ModelError};
 use crate::model_file::{Chosen, ModelFile};
@@ -134,11 +134,11 @@ impl Files<'_> {
             }
             origin => origin.and_then(|origin| origin.finding(&arm)),
         };
-        let options = Options {
+        let options = PoseOptions {
             seed: rows.seed,
             rejected: rows.rejected.clone(),
             progress: rows.progress.clone(),
-            ..Options::default()
+            ..PoseOptions::default()
         };
         let found = diagnose(&arm, &run, &options).map_err(|error| self.in_data(error))?;
         let findings = read.into_iter().chain(origin).chain(found.diagnosis.findings).collect();

@@ -26,7 +26,7 @@ use crate::error::DiagnoseError;
 use crate::prepare::signals::Prepared;
 use crate::progress::Progress;
 use darm_robot::robot::Robot;
-use experiment::{Columns, Experiment, Moving};
+use experiment::{Experiment, Moving, TableColumns};
 use model::{Model, Predictor};
 use torque::Near;
 
@@ -74,19 +74,19 @@ fn is_wrench(data: &Prepared) -> bool {
 }
 
 /// The columns that [`linearise`] reads, whose log may have them exchanged or in another unit.
-pub(crate) fn columns(model: &Model, data: &Prepared) -> Columns {
+pub(crate) fn columns(model: &Model, data: &Prepared) -> TableColumns {
     let named = |names: &[&str]| names.iter().map(|name| name.to_string()).collect::<Vec<_>>();
-    let of_wrench = |robot: &Robot| Columns {
+    let of_wrench = |robot: &Robot| TableColumns {
         measured: (0..3).map(|axis| named(&[wrench::WRENCH[axis], wrench::WRENCH[axis + 3]])).collect(),
         moving: robot.joints.iter().map(|joint| Moving::of(joint, vec![joint.name.clone()])).collect(),
     };
     match &model.what {
         Predictor::Cylinder { .. } => {
             let moving = Moving { columns: named(&["position", "velocity"]), turns: false };
-            Columns { measured: vec![named(&["force"])], moving: vec![moving] }
+            TableColumns { measured: vec![named(&["force"])], moving: vec![moving] }
         }
-        Predictor::Servo => Columns { measured: vec![named(&["position"])], moving: Vec::new() },
-        Predictor::PointContact(..) => Columns { measured: Vec::new(), moving: Vec::new() },
+        Predictor::Servo => TableColumns { measured: vec![named(&["position"])], moving: Vec::new() },
+        Predictor::PointContact(..) => TableColumns { measured: Vec::new(), moving: Vec::new() },
         Predictor::Tool(robot, how) => measured_tool::columns(data, robot, how),
         Predictor::Wrench(robot) => of_wrench(robot),
         Predictor::Any(robot) if is_wrench(data) => of_wrench(robot),

@@ -47,7 +47,7 @@ const SERVO_SHARE: f64 = 0.3;
 
 /// How large a measurement plan is.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Options {
+pub struct PlanOptions {
     /// Different words.
     pub words: usize,
     /// Visits of each, after different words.
@@ -62,7 +62,7 @@ pub struct Options {
     pub seed: u64,
 }
 
-impl Default for Options {
+impl Default for PlanOptions {
     fn default() -> Self {
         Self { words: 96, visits: 3, repeated_words: 12, repeats: 7, hold_out: 0.25, seed: 1 }
     }
@@ -95,7 +95,7 @@ impl TooFewToPlan {
 
 /// One visit of a word.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Step {
+pub struct PlanStep {
     /// The word.
     pub word: Word,
     /// The word before it; at first the word at rest.
@@ -110,7 +110,7 @@ pub struct Step {
     pub repeat: bool,
 }
 
-impl Step {
+impl PlanStep {
     /// A visit of a word from the same word, without servos.
     fn of_word(word: Word) -> Self {
         Self { word, previous: word, servos_rad: Vec::new(), load_kg: None, held_out: false, repeat: false }
@@ -118,7 +118,7 @@ impl Step {
 }
 
 /// The steps of a measurement plan for `arm`, in order.
-pub fn plan(arm: &Arm, options: &Options) -> Vec<Step> {
+pub fn plan(arm: &Arm, options: &PlanOptions) -> Vec<PlanStep> {
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     let words = informative_words(arm, options);
     let mut drawn: Vec<usize> = (0..words.len()).collect();
@@ -126,17 +126,17 @@ pub fn plan(arm: &Arm, options: &Options) -> Vec<Step> {
     let n_held_out = (options.hold_out * words.len() as f64).round() as usize;
     let (held_out, training) = held_out_and_training(&words, drawn, n_held_out.min(words.len()));
     let repeated = &training[..options.repeated_words.min(training.len())];
-    let mut steps: Vec<Step> = Vec::new();
+    let mut steps: Vec<PlanStep> = Vec::new();
     for (round, order) in order::rounds(&words, options.visits, arm.rest(), &mut rng).into_iter().enumerate() {
         let servos_rad = servo_positions(arm, round);
         for index in order {
             let previous = steps.last().map_or(arm.rest(), |step| step.word);
             let held_out = held_out.contains(&index);
             let servos_rad = servos_rad.clone();
-            let step = Step { word: words[index], previous, servos_rad, load_kg: None, held_out, repeat: false };
+            let step = PlanStep { word: words[index], previous, servos_rad, load_kg: None, held_out, repeat: false };
             let in_turn = repeated.iter().position(|&word| word == index);
             let again = in_turn.is_some_and(|position| position % options.visits == round);
-            let repeat = Step { previous: words[index], repeat: true, ..step.clone() };
+            let repeat = PlanStep { previous: words[index], repeat: true, ..step.clone() };
             steps.push(step);
             steps.extend(std::iter::repeat_n(repeat, if again { options.repeats } else { 0 }));
         }
@@ -149,7 +149,7 @@ pub fn plan(arm: &Arm, options: &Options) -> Vec<Step> {
 /// # Errors
 ///
 /// [`TooFewToPlan`]: no diagnosis could be made of its words.
-pub fn measurement_visits(arm: &Arm, options: &Options, dwell_s: f64) -> Result<Vec<PlannedVisit>, TooFewToPlan> {
+pub fn measurement_visits(arm: &Arm, options: &PlanOptions, dwell_s: f64) -> Result<Vec<PlannedVisit>, TooFewToPlan> {
     let n_words = candidates(arm, options.seed).len();
     let n_held_out = |n_words: usize| (options.hold_out * n_words as f64).round() as usize;
     let is_enough = |n_words: usize| n_words.saturating_sub(n_held_out(n_words)) >= MIN_WORDS;
@@ -158,7 +158,7 @@ pub fn measurement_visits(arm: &Arm, options: &Options, dwell_s: f64) -> Result<
         let needed = (MIN_WORDS..=COMPETING).find(|&n_words| is_enough(n_words)).unwrap_or(COMPETING);
         return Err(TooFewToPlan { of_arm: n_words, wanted: options.words, needed });
     }
-    let visit = |(number, step): (usize, Step)| PlannedVisit {
+    let visit = |(number, step): (usize, PlanStep)| PlannedVisit {
         held_out: step.held_out,
         visit: Visit { word: step.word, servos_rad: step.servos_rad, dwell_s, label: format!("visit {number}") },
     };
@@ -186,12 +186,12 @@ pub(crate) fn held_out_and_training(words: &[Word], drawn: Vec<usize>, n: usize)
 }
 
 /// Words, each once, that could be visited: all of them where there are few, else as many as are worth weighing.
-pub fn candidates(arm: &Arm, seed: u64) -> Vec<Step> {
+pub fn candidates(arm: &Arm, seed: u64) -> Vec<PlanStep> {
     drawn(arm, seed, COMPETING)
 }
 
 /// The same with up to `n` words.
-pub(crate) fn drawn(arm: &Arm, seed: u64, n: usize) -> Vec<Step> {
+pub(crate) fn drawn(arm: &Arm, seed: u64, n: usize) -> Vec<PlanStep> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let states: Vec<u64> = (0..arm.n_actuators()).map(|k| arm.model.chain.n_states(k) as u64).collect();
     let n_words = states.iter().try_fold(1u64, |n, &states| n.checked_mul(states)).unwrap_or(u64::MAX);
@@ -207,7 +207,8 @@ pub(crate) fn drawn(arm: &Arm, seed: u64, n: usize) -> Vec<Step> {
     words.retain(|word| arm.model.predict(&arm.model.nominal(*word, &servos_rad), &mut scratch).is_ok());
     words.shuffle(&mut rng);
     let previous = words.iter().cycle().skip(1).copied().take(words.len()).collect::<Vec<_>>();
-    let step = |(word, previous)| Step { word, previous, servos_rad: servos_rad.clone(), ..Step::of_word(word) };
+    let step =
+        |(word, previous)| PlanStep { word, previous, servos_rad: servos_rad.clone(), ..PlanStep::of_word(word) };
     words.into_iter().zip(previous).map(step).collect()
 }
 
@@ -225,7 +226,7 @@ fn word(states: &[u64], mut number: u64) -> Word {
 }
 
 /// The words that are most informative about all candidate effects together.
-fn informative_words(arm: &Arm, options: &Options) -> Vec<Word> {
+fn informative_words(arm: &Arm, options: &PlanOptions) -> Vec<Word> {
     let steps = candidates(arm, options.seed);
     if steps.len() <= options.words {
         return steps.into_iter().map(|step| step.word).collect();
@@ -259,14 +260,14 @@ fn likely(column: Vec<f64>) -> Vec<f64> {
 }
 
 /// The word that the arm has come from in each step: in a repeat nothing moves, and the arm stays as it has come.
-pub fn arrivals(steps: &[Step]) -> Vec<Word> {
+pub fn arrivals(steps: &[PlanStep]) -> Vec<Word> {
     let mut arrival = None;
-    let from = |step: &Step| *arrival.insert(arrival.filter(|_| step.repeat).unwrap_or(step.previous));
+    let from = |step: &PlanStep| *arrival.insert(arrival.filter(|_| step.repeat).unwrap_or(step.previous));
     steps.iter().map(from).collect()
 }
 
 /// The steps as an exact measurement of the arm as its model has it, at this supply and temperature.
-pub fn as_run(arm: &Arm, steps: &[Step], supply: f64, temperature_k: f64) -> Run {
+pub fn as_run(arm: &Arm, steps: &[PlanStep], supply: f64, temperature_k: f64) -> Run {
     let mut scratch = ArmScratch::default();
     let mut samples = Vec::new();
     for (visit, (step, arrival)) in steps.iter().zip(arrivals(steps)).enumerate() {
@@ -294,7 +295,7 @@ pub fn as_run(arm: &Arm, steps: &[Step], supply: f64, temperature_k: f64) -> Run
 }
 
 /// The same away from nominal supply and temperature, so that effects of either show.
-fn run_off_nominal(arm: &Arm, steps: &[Step]) -> Run {
+fn run_off_nominal(arm: &Arm, steps: &[PlanStep]) -> Run {
     as_run(arm, steps, AWAY.0 * arm.model.nominal_supply, arm.model.reference_temperature_k + AWAY.1)
 }
 

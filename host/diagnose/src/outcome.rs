@@ -35,7 +35,7 @@ use std::fmt;
 pub use crate::number::Number;
 use serde::Serialize;
 
-pub use crate::effect::{Effect, Value};
+pub use crate::effect::{Effect, EffectValue};
 use crate::effect::{LawName, Site, as_str};
 pub use crate::measured::Measured;
 pub use crate::misreading::Misreading;

@@ -13,7 +13,7 @@ use crate::linearise::experiment::BodyCandidate;
 use crate::progress::Cancelled;
 use crate::select::factored::judged;
 use crate::select::problem::{RegressionProblem as _, Trial, Weighted};
-use crate::select::signals::{Fit, Move, Signals};
+use crate::select::signals::{Move, SignalFit, Signals};
 use crate::select::significance::{DISCOVERY_LEVEL, RIVAL_LEVEL};
 
 /// The last μ, in units of the log-likelihood.
@@ -60,7 +60,7 @@ fn possible(
 }
 
 /// Whether a law at its place, in all its shapes that a model has, is at least as large as is possible.
-fn can_be(problem: &Signals, fit: &Fit, of: usize) -> bool {
+fn can_be(problem: &Signals, fit: &SignalFit, of: usize) -> bool {
     let candidates = &problem.experiment.candidates;
     let Some(min) = candidates[of].values.first().map(|value| value.min) else { return true };
     let own = fit.active.iter().filter(|&&k| candidates[k].is_same(&candidates[of]));
@@ -96,19 +96,19 @@ fn with_consistent_bodies(problem: &Signals, best: Trial<Signals>) -> Result<Tri
 }
 
 /// Effects that may be added beside bodies.
-fn open(problem: &Signals, fit: &Fit) -> Vec<usize> {
+fn open(problem: &Signals, fit: &SignalFit) -> Vec<usize> {
     let is_body = |k: &usize| problem.experiment.bodies.iter().any(|body| body.candidate == *k);
     (0..problem.experiment.candidates.len()).filter(|k| !is_body(k) && !fit.active.contains(k)).collect()
 }
 
 /// A model judged by the rows that it was fitted to.
-fn in_sample(weighted: Weighted<Signals>, fit: Fit, effect: Option<Move>) -> Trial<Signals> {
+fn in_sample(weighted: Weighted<Signals>, fit: SignalFit, effect: Option<Move>) -> Trial<Signals> {
     let seen_residuals = weighted.problem.training_residuals(&fit);
     weighted.with_residuals(fit, effect, seen_residuals)
 }
 
 /// The values that fit best with physically consistent bodies; `None` where those of `fit` are consistent already.
-fn consistent(weighted: Weighted<Signals>, fit: &Fit) -> Option<Fit> {
+fn consistent(weighted: Weighted<Signals>, fit: &SignalFit) -> Option<SignalFit> {
     let problem = weighted.problem;
     let indices = problem.indices(&fit.active);
     let of = |body: &BodyCandidate| {
@@ -137,14 +137,14 @@ mod tests {
     use crate::effect::{LawName, Place, Site};
     use crate::linearise::experiment::{Axis, Candidate, Curvature, Experiment};
     use crate::measured::Measured;
-    use crate::prepare::groups::{Groups, Row};
+    use crate::prepare::groups::{Groups, SignalRow};
 
     /// A joint whose speed waves, and a motor that gives power the more, the faster it turns.
     #[test]
     fn friction_that_would_give_power_goes_and_is_told() {
         let speed = |k: usize| (k as f64 * 0.11).sin();
         let noise = |k: usize| 0.02 * ((k * 7919 % 1013) as f64 / 1013.0 - 0.5);
-        let row = |k: usize| Row { line: k, time_s: k as f64, series: 0, motion: 0, key: None, held_out: false };
+        let row = |k: usize| SignalRow { line: k, time_s: k as f64, series: 0, motion: 0, key: None, held_out: false };
         let column = (0..600).map(speed).collect();
         let site = Site::new(Place::Joint(0), "joint 1");
         let mut viscous = Candidate::one(LawName::ViscousFriction, site, ("size", "N·m·s"), column);

@@ -2,8 +2,8 @@
 
 pub mod backward;
 mod change_point;
-mod columns;
 pub mod cross_validation;
+mod design_matrix;
 pub(crate) mod factored;
 pub mod forward;
 mod normal_equations;

@@ -113,7 +113,7 @@ fn make(arm: &Arm, visited: &Visited, profile: &BoardProfile) -> Result<(Vec<u8>
             (visits.iter().enumerate().map(visit).collect::<Result<_, _>>()?, *may_rest)
         }
         Visited::Plan => {
-            let visits = measurement_visits(arm, &measurement_plan::Options::default(), MEASUREMENT_DWELL_S);
+            let visits = measurement_visits(arm, &measurement_plan::PlanOptions::default(), MEASUREMENT_DWELL_S);
             (visits.map_err(|error| Refused::new(Kind::Refused, error))?, true)
         }
     };

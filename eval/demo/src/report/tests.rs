@@ -5,7 +5,7 @@ use std::path::Path;
 use super::*;
 use darm_arm::arm::frames;
 use darm_arm::synthesis::{self, synthesize};
-use darm_diagnose::diagnosis::Options;
+use darm_diagnose::diagnosis::PoseOptions;
 use darm_diagnose::diagnosis::diagnose;
 use darm_diagnose::measurement_plan::{self, plan};
 use darm_diagnose::truth::{Kind, Truth};
@@ -17,9 +17,9 @@ fn report() -> LoopReport {
     let desired = frames::parse(Path::new("frames.toml"), text, &base).unwrap();
     let found = synthesize(&base, &desired, &synthesis::Options::default()).unwrap();
     let truth = Truth::draw(&found.arm, &desired, 4, Some(Kind::StrokeLoss)).unwrap();
-    let steps = plan(&found.arm, &measurement_plan::Options::default());
+    let steps = plan(&found.arm, &measurement_plan::PlanOptions::default());
     let run = truth.measure(&steps, 0.0, 4).unwrap();
-    let diagnosis = diagnose(&found.arm, &run, &Options::default()).unwrap().diagnosis;
+    let diagnosis = diagnose(&found.arm, &run, &PoseOptions::default()).unwrap().diagnosis;
     let closed = |frame: &frames::DesiredFrame| ClosedFrame {
         name: frame.name.clone(),
         word_before: frame.word.to_string(),

@@ -248,7 +248,7 @@ fn poses(
     let worlds = poses::of_arm(&subject.arm);
     let world = worlds[rng.random_range(0..worlds.len())];
     let secret = poses::plant(&subject.arm, blind.measured_mut(), world, (times, scatter_m), rng);
-    let outcome = diagnose(&subject.arm, blind.measured(), &diagnosis::Options::default());
+    let outcome = diagnose(&subject.arm, blind.measured(), &diagnosis::PoseOptions::default());
     Ok((secret, outcome.ok().map(|outcome| outcome.diagnosis)))
 }
 

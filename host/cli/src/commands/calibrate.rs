@@ -12,9 +12,9 @@ use darm_arm::reach::better_words::better_words;
 use darm_arm::synthesis::{self, Status, synthesize_by_few};
 use darm_arm::wired_arm::WiredArm;
 use darm_core::units::Word;
-use darm_diagnose::calibrate::{Look, Next, Options, State, Station as _, Task, look};
+use darm_diagnose::calibrate::{CalibrateOptions, Look, Next, State, Station as _, Task, look};
 use darm_diagnose::correction::Keep;
-use darm_diagnose::measurement_plan::Step;
+use darm_diagnose::measurement_plan::PlanStep;
 use darm_diagnose::progress::Progress;
 use darm_measure::visit_table::{MEASUREMENT_DWELL_S, default_dwell_s};
 
@@ -137,13 +137,13 @@ impl Calibrate {
         ui.print(&result)
     }
 
-    fn options(&self) -> Result<Options, Usage> {
+    fn options(&self) -> Result<CalibrateOptions, Usage> {
         let is_length = |mm: &f64| mm.is_finite() && *mm > 0.0;
         if let Some(mm) = self.goal.filter(|mm| !is_length(mm)) {
             return Err(Usage(format!("--goal {mm}: give a length above 0 mm")));
         }
         let goal_m = self.goal.map(|mm| 1e-3 * mm);
-        Ok(Options { looks: self.looks.into(), goal_m, seed: self.seed, ..Options::default() })
+        Ok(CalibrateOptions { looks: self.looks.into(), goal_m, seed: self.seed, ..CalibrateOptions::default() })
     }
 
     /// Refuses a source that is of no kind before a folder is made; a calibration that was begun may be complete and need none.
@@ -213,7 +213,7 @@ fn reports(models: [&Arm; 2], frames: &[DesiredFrame], better: &[Better]) -> any
 /// Measures frames, each from the word before it; how far each is from its target, m. What was measured before is read from
 /// the folder.
 fn measured(frames: &[&DesiredFrame], board: &mut Board) -> anyhow::Result<Vec<Option<f64>>> {
-    let (mut steps, mut visits) = (Vec::<Step>::new(), Vec::new());
+    let (mut steps, mut visits) = (Vec::<PlanStep>::new(), Vec::new());
     for frame in frames {
         if steps.last().is_none_or(|last| last.word != frame.previous) {
             steps.push(step(frame, frame.previous));
@@ -238,9 +238,9 @@ fn measured(frames: &[&DesiredFrame], board: &mut Board) -> anyhow::Result<Vec<O
 }
 
 /// A visit of a word with the servos of a frame.
-fn step(frame: &DesiredFrame, word: Word) -> Step {
+fn step(frame: &DesiredFrame, word: Word) -> PlanStep {
     let (previous, servos_rad) = (frame.previous, frame.servos_rad.clone());
-    Step { word, previous, servos_rad, load_kg: None, held_out: false, repeat: false }
+    PlanStep { word, previous, servos_rad, load_kg: None, held_out: false, repeat: false }
 }
 
 /// The stops that bring the tool of the corrected model to the frames, of few actuators where those suffice.

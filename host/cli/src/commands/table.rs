@@ -159,10 +159,10 @@ impl Table {
 
     fn measurement_plan(&self, arm: &Arm, ui: Ui) -> Result<Vec<PlannedVisit>, TooFewToPlan> {
         let spinner = ui.spinner("choosing informative words");
-        let options = measurement_plan::Options {
+        let options = measurement_plan::PlanOptions {
             words: self.plan_words,
             seed: self.seed,
-            ..measurement_plan::Options::default()
+            ..measurement_plan::PlanOptions::default()
         };
         let visits = measurement_visits(arm, &options, self.dwell.unwrap_or(MEASUREMENT_DWELL_S));
         spinner.finish_and_clear();

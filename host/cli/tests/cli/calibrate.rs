@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use darm_arm::arm::{Arm, frames};
-use darm_diagnose::calibrate::{Next, Options, State, Task, look};
+use darm_diagnose::calibrate::{CalibrateOptions, Next, State, Task, look};
 use darm_diagnose::progress::Progress;
 use darm_diagnose::truth::{Kind, Truth};
 use darm_measure::poses::{self, Which};
@@ -24,7 +24,7 @@ fn measured(goal_m: f64) -> (Home, Vec<String>) {
     }
     let arm = Arm::read(&home.path("planar4.toml")).unwrap();
     let frames = frames::read(&home.path("planar4-frames.toml"), &arm).unwrap();
-    let options = Options { goal_m: Some(goal_m), ..Options::default() };
+    let options = CalibrateOptions { goal_m: Some(goal_m), ..CalibrateOptions::default() };
     let task = Task { arm: &arm, frames: &frames, options: &options };
     let truth = Truth::draw(&arm, &frames, 3, Some(Kind::Play)).unwrap();
     let (mut state, mut visits, mut visited, mut looks) = (State::default(), task.first().unwrap(), vec![], vec![]);

@@ -5,7 +5,7 @@ use std::f64::consts::FRAC_PI_2;
 
 use darm_core::real::Vec3;
 
-use crate::linearise::experiment::{Columns, Moving};
+use crate::linearise::experiment::{Moving, TableColumns};
 use crate::linearise::model::Model;
 use crate::misreading::Misreading;
 use crate::prepare::column_reading::ColumnReading;
@@ -44,8 +44,8 @@ impl Hypothesis {
 }
 
 /// What is tried.
-pub(super) fn hypotheses(model: &Model, data: &Prepared, columns: &Columns) -> Vec<Hypothesis> {
-    let Columns { measured, moving } = columns;
+pub(super) fn hypotheses(model: &Model, data: &Prepared, columns: &TableColumns) -> Vec<Hypothesis> {
+    let TableColumns { measured, moving } = columns;
     let joints: Vec<Vec<String>> = moving.iter().map(|joint| joint.columns.clone()).collect();
     let mut all = pairs_exchanged(measured);
     let few = if joints.len() <= MAX_JOINTS { &joints[..] } else { &[] };
@@ -80,7 +80,7 @@ fn is_in_motion(data: &Prepared, moving: &[Moving]) -> bool {
 }
 
 /// What was measured in units a thousand times larger or smaller.
-pub(super) fn units(columns: &Columns) -> Vec<Hypothesis> {
+pub(super) fn units(columns: &TableColumns) -> Vec<Hypothesis> {
     let kinds = kinds(&columns.measured).into_iter();
     kinds.flat_map(|columns| THOUSAND.map(|factor| in_unit(columns.clone(), factor))).collect()
 }

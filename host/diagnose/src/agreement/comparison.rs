@@ -13,7 +13,7 @@ use super::column_readings::{Hypothesis, around};
 use super::training::{AGREES, FOLLOWS, OTHER_UNIT, Training, trimmed_of_axis, variation};
 use crate::effect::LawName;
 use crate::error::MIN_PIECES;
-use crate::linearise::experiment::{Columns, Experiment};
+use crate::linearise::experiment::{Experiment, TableColumns};
 use crate::linearise::linearise;
 use crate::linearise::model::Model;
 use crate::misreading::Misreading;
@@ -62,7 +62,7 @@ impl Comparison<'_> {
     pub(super) fn better(
         &self,
         hypotheses: Vec<Hypothesis>,
-        columns: &Columns,
+        columns: &TableColumns,
     ) -> Result<Option<Improvement>, Cancelled> {
         let n_tried = hypotheses.len() as f64;
         let is_chance = |as_read: &ResidualError, left: &ResidualError| {
@@ -109,7 +109,12 @@ impl Comparison<'_> {
     }
 
     /// A delay with those around it tried too; any other reading as it is.
-    fn refined(&self, best: HypothesisTrial, columns: &Columns, laws: Laws) -> Result<Option<Improvement>, Cancelled> {
+    fn refined(
+        &self,
+        best: HypothesisTrial,
+        columns: &TableColumns,
+        laws: Laws,
+    ) -> Result<Option<Improvement>, Cancelled> {
         let tried = match best.hypothesis.misreading {
             Misreading::Delay { delay_s } => {
                 let around = around(self.data, &columns.measured.concat(), delay_s);

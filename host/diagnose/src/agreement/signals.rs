@@ -154,7 +154,7 @@ mod tests {
     use super::*;
     use crate::linearise::experiment::{Axis, Curvature};
     use crate::measured::Measured;
-    use crate::prepare::groups::Row;
+    use crate::prepare::groups::SignalRow;
 
     const ROWS: usize = 200;
 
@@ -162,7 +162,7 @@ mod tests {
     /// hundredth.
     fn is_lost(left: f64, effects: &[ModelEffect]) -> bool {
         let measured: Vec<f64> = (0..ROWS).map(|k| (k as f64 * 0.7).sin()).collect();
-        let row = |k: usize| Row { line: k, time_s: k as f64, series: 0, motion: 0, key: None, held_out: false };
+        let row = |k: usize| SignalRow { line: k, time_s: k as f64, series: 0, motion: 0, key: None, held_out: false };
         let experiment = Experiment {
             kind: Measured::JointTorque,
             axes: vec![Axis::new("joint 1", "N·m")],

@@ -21,7 +21,7 @@ use super::{Found, Task};
 use crate::linearise::arm_candidates;
 use crate::measurement_plan::optimal_design::informative_first;
 use crate::measurement_plan::order::rounds;
-use crate::measurement_plan::{AWAY, LIKELY, Step, drawn, held_out_and_training, servo_positions};
+use crate::measurement_plan::{AWAY, LIKELY, PlanStep, drawn, held_out_and_training, servo_positions};
 use crate::prepare::observations::NoPose;
 use darm_measure::Run;
 
@@ -43,7 +43,7 @@ const FLOOR: f64 = 1e-8;
 
 /// The words that compete, parted for good.
 pub(super) struct Design {
-    steps: Vec<Step>,
+    steps: Vec<PlanStep>,
     is_held_out: Vec<bool>,
 }
 
@@ -63,13 +63,19 @@ impl Design {
     }
 
     /// Words that compete for any effect.
-    pub(super) fn steps(mut self) -> Vec<Step> {
+    pub(super) fn steps(mut self) -> Vec<PlanStep> {
         self.steps.truncate(COMPETING_FOR_ANY);
         self.steps
     }
 
     /// The visits of look number `look`, counted from 0, after what was measured and `found` in it.
-    pub(super) fn next(&self, task: &Task, run: &Run, found: Option<&Found>, look: usize) -> Result<Vec<Step>, NoPose> {
+    pub(super) fn next(
+        &self,
+        task: &Task,
+        run: &Run,
+        found: Option<&Found>,
+        look: usize,
+    ) -> Result<Vec<PlanStep>, NoPose> {
         let (visits, n_repeated, share) = match look {
             0 => (task.options.first_visits, REPEATED, HOLD_OUT),
             _ => (task.options.visits, REPEATED_LATER, HOLD_OUT_LATER),
@@ -79,20 +85,20 @@ impl Design {
         let held_out = self.chosen(task, run, found, (true, n_held_out))?;
         let training = self.chosen(task, run, found, (false, n_words - n_held_out))?;
         let repeated: Vec<Word> = training.iter().take(n_repeated).map(|&step| self.steps[step].word).collect();
-        let steps: Vec<&Step> = training.iter().chain(&held_out).map(|&step| &self.steps[step]).collect();
+        let steps: Vec<&PlanStep> = training.iter().chain(&held_out).map(|&step| &self.steps[step]).collect();
         let words: Vec<Word> = steps.iter().map(|step| step.word).collect();
         // An arm of few words visits them more than once.
         let n_rounds = (n_words / words.len().max(1)).max(1);
         let mut rng = ChaCha8Rng::seed_from_u64(task.options.seed ^ ((look as u64 + 1) << 32));
         let servos_rad = servo_positions(task.arm, look);
-        let mut visits: Vec<Step> = Vec::new();
+        let mut visits: Vec<PlanStep> = Vec::new();
         for (round, order) in rounds(&words, n_rounds, task.arm.rest(), &mut rng).into_iter().enumerate() {
             for index in order {
                 let word = words[index];
                 let previous = visits.last().map_or(task.arm.rest(), |step| step.word);
                 let held_out = index >= training.len();
-                let step = Step { previous, held_out, servos_rad: servos_rad.clone(), ..steps[index].clone() };
-                let repeat = Step { previous: word, repeat: true, ..step.clone() };
+                let step = PlanStep { previous, held_out, servos_rad: servos_rad.clone(), ..steps[index].clone() };
+                let repeat = PlanStep { previous: word, repeat: true, ..step.clone() };
                 visits.push(step);
                 let is_repeated = round == 0 && !held_out && repeated.contains(&word);
                 visits.extend(std::iter::repeat_n(repeat, if is_repeated { REPEATS } else { 0 }));
@@ -113,7 +119,7 @@ impl Design {
         let mut open: Vec<usize> = (0..self.steps.len()).filter(of_sort).collect();
         let mut chosen = Vec::new();
         if let Some(found) = found {
-            let steps: Vec<Step> = open.iter().map(|&step| self.steps[step].clone()).collect();
+            let steps: Vec<PlanStep> = open.iter().map(|&step| self.steps[step].clone()).collect();
             let (conditions, sigma) = (run.settled_or_nominal(task.arm), found.sigma());
             let rows = Rows::new(task.arm, run, &PlannedRows { frames: &[], next: &steps, conditions, sigma });
             let slopes = rows.slopes(&rows.sensitivity(found.model())?, &found.values());
@@ -124,7 +130,7 @@ impl Design {
             open.retain(|step| !chosen.contains(step));
         }
         open.truncate(COMPETING_FOR_ANY);
-        let steps: Vec<Step> = open.iter().map(|&step| self.steps[step].clone()).collect();
+        let steps: Vec<PlanStep> = open.iter().map(|&step| self.steps[step].clone()).collect();
         let (conditions, sigma) = (away(task.arm), task.sigma(run));
         let rows = Rows::new(task.arm, run, &PlannedRows { frames: &[], next: &steps, conditions, sigma });
         let values: Vec<_> = any(&task.arm.model).flat_map(values_of).collect();

@@ -9,9 +9,9 @@ use super::design::{any, values_of};
 use super::rows::{PlannedRows, Rows};
 use crate::correction::{ArmCorrection, Outcome};
 use crate::judge::next_words::together;
-use crate::measurement_plan::{LIKELY, Step};
+use crate::measurement_plan::{LIKELY, PlanStep};
 use crate::prepare::observations::{NoPose, Observations};
-use crate::select::robust_fit::{Fit, covariance, fit};
+use crate::select::robust_fit::{PoseFit, covariance, fit};
 use crate::select::significance::quantile_975;
 use crate::select::tool_pose::values;
 use darm_measure::Run;
@@ -21,7 +21,7 @@ const NORMAL_975: f64 = 1.959_964;
 
 /// Effects that the training rows have chosen, with those that would explain them as well, fitted together.
 pub(super) struct Found {
-    fit: Fit,
+    fit: PoseFit,
     sigma: [f64; 6],
 }
 
@@ -83,7 +83,7 @@ pub(super) fn of_named(task: &Task, run: &Run, effects: &[Effect<f64>]) -> Resul
 
 /// The same for the candidate, each alone, whose values these rows determine worst: what an arm in which nothing was found
 /// may still be missing.
-pub(super) fn of_any(task: &Task, run: &Run, next: &[Step]) -> Result<f64, NoPose> {
+pub(super) fn of_any(task: &Task, run: &Run, next: &[PlanStep]) -> Result<f64, NoPose> {
     let sigma = task.sigma(run);
     let conditions = run.settled_or_nominal(task.arm);
     let rows = Rows::new(task.arm, run, &PlannedRows { frames: task.frames, next, conditions, sigma });

@@ -6,7 +6,7 @@ use darm_core::effect::Effect;
 use nalgebra::DMatrix;
 
 use crate::linearise::sensitivity::Sensitivity;
-use crate::measurement_plan::{Step, as_run};
+use crate::measurement_plan::{PlanStep, as_run};
 use crate::prepare::observations::{NoPose, Observations};
 use darm_arm::arm::ArmModel;
 use darm_measure::{Run, root_mean_square};
@@ -36,7 +36,7 @@ pub(super) struct Slopes<'a> {
 /// What is planned of beside the rows that were measured.
 pub(super) struct PlannedRows<'a> {
     pub(super) frames: &'a [DesiredFrame],
-    pub(super) next: &'a [Step],
+    pub(super) next: &'a [PlanStep],
     pub(super) conditions: Conditions,
     /// Noise of each component of a twist, rad and m.
     pub(super) sigma: [f64; 6],
@@ -46,12 +46,12 @@ impl Rows {
     /// Training rows of `run`, then frames and next steps as the model of `arm` has them. Steps without a pose are left out.
     pub(super) fn new(arm: &Arm, run: &Run, planned: &PlannedRows) -> Self {
         let last_s = run.samples.last().map_or(0.0, |sample| sample.time_s);
-        let samples_of = |steps: &[Step]| {
+        let samples_of = |steps: &[PlanStep]| {
             let mut samples = as_run(arm, steps, planned.conditions.0, planned.conditions.1).samples;
             samples.iter_mut().for_each(|sample| (sample.time_s, sample.held_out) = (last_s + GAP_S, false));
             samples
         };
-        let at_frames: Vec<Step> = planned.frames.iter().map(at_frame).collect();
+        let at_frames: Vec<PlanStep> = planned.frames.iter().map(at_frame).collect();
         let (frames, next) = (samples_of(&at_frames), samples_of(planned.next));
         let (n_measured, n_frames) = (run.training().count(), frames.len());
         let steps = next.iter().map(|sample| sample.visit as usize).collect();
@@ -132,7 +132,7 @@ impl Slopes<'_> {
 }
 
 /// A visit of a frame.
-fn at_frame(frame: &DesiredFrame) -> Step {
+fn at_frame(frame: &DesiredFrame) -> PlanStep {
     let (word, previous, servos_rad) = (frame.word, frame.previous, frame.servos_rad.clone());
-    Step { word, previous, servos_rad, load_kg: None, held_out: false, repeat: false }
+    PlanStep { word, previous, servos_rad, load_kg: None, held_out: false, repeat: false }
 }

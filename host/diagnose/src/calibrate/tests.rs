@@ -26,13 +26,13 @@ fn desired(arm: &Arm) -> Vec<DesiredFrame> {
 /// A simulated arm that was visited so far.
 struct Simulated {
     truth: Truth,
-    visited: Vec<Step>,
+    visited: Vec<PlanStep>,
 }
 
 impl Station for Simulated {
     type Error = darm_core::chain::ChainError;
 
-    fn measure(&mut self, visits: &[Step]) -> Result<Vec<Sample>, Self::Error> {
+    fn measure(&mut self, visits: &[PlanStep]) -> Result<Vec<Sample>, Self::Error> {
         let from = self.visited.len();
         self.visited.extend_from_slice(visits);
         Ok(self.truth.measure(&self.visited, 0.0, 7)?.samples.split_off(from))
@@ -48,10 +48,10 @@ fn reread(state: &State) -> State {
 }
 
 /// Calibrates; with `stops` every look is made twice, from what was written and read again.
-fn calibrate(kind: Kind, goal_m: Option<f64>, stops: bool) -> (Vec<Look>, Vec<Step>) {
+fn calibrate(kind: Kind, goal_m: Option<f64>, stops: bool) -> (Vec<Look>, Vec<PlanStep>) {
     let arm = arm();
     let frames = desired(&arm);
-    let options = Options { goal_m, ..Options::default() };
+    let options = CalibrateOptions { goal_m, ..CalibrateOptions::default() };
     let task = Task { arm: &arm, frames: &frames, options: &options };
     let truth = Truth::draw(&arm, &frames, 3, Some(kind)).unwrap();
     let mut station = Simulated { truth, visited: Vec::new() };
@@ -94,7 +94,7 @@ fn a_loop_that_was_stopped_after_each_look_gives_the_same() {
 
 #[test]
 fn the_words_that_are_held_out_are_so_for_good_and_fixed_before_any_value() {
-    let of = |steps: &[Step], held_out: bool| -> BTreeSet<Word> {
+    let of = |steps: &[PlanStep], held_out: bool| -> BTreeSet<Word> {
         steps.iter().filter(|step| step.held_out == held_out).map(|step| step.word).collect()
     };
     let (_, one) = calibrate(Kind::StrokeLoss, Some(4e-5), false);
@@ -113,7 +113,7 @@ fn an_arm_without_an_effect_is_left_alone_before_all_looks_are_used() {
     let (looks, _) = calibrate(Kind::Nothing, None, false);
     let last = &looks[looks.len() - 1];
     assert_eq!((last.outcome.diagnosis.verdict, &last.next), (Verdict::NoEffect, &Next::Stop(Reason::Reached)));
-    assert!(looks.len() < Options::default().looks, "{}", looks.len());
+    assert!(looks.len() < CalibrateOptions::default().looks, "{}", looks.len());
     // Each look has less to spend than one diagnosis.
     assert!(looks.iter().map(|look| look.share).sum::<f64>() < 1.0);
 }
@@ -121,7 +121,7 @@ fn an_arm_without_an_effect_is_left_alone_before_all_looks_are_used() {
 #[test]
 fn a_board_that_was_started_again_does_not_turn_time_back() {
     let arm = arm();
-    let visits = [Step {
+    let visits = [PlanStep {
         word: arm.rest(),
         previous: arm.rest(),
         servos_rad: vec![],
@@ -143,7 +143,7 @@ fn a_board_that_was_started_again_does_not_turn_time_back() {
 fn an_arm_whose_positions_the_model_does_not_predict_at_all_is_looked_at_once() {
     let arm = arm();
     let frames = desired(&arm);
-    let task = Task { arm: &arm, frames: &frames, options: &Options::default() };
+    let task = Task { arm: &arm, frames: &frames, options: &CalibrateOptions::default() };
     let truth = Truth::draw(&arm, &frames, 3, Some(Kind::Nothing)).unwrap();
     let mut station = Simulated { truth, visited: Vec::new() };
     let mut samples = station.measure(&task.first().unwrap()).unwrap();

@@ -44,7 +44,7 @@ fn a_diagnosis_of_tool_poses_ends_at_each_of_its_checks() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/planar4-run.csv");
     let (run, _) = darm_measure::poses::read(&path, &Names::new(), &darm_measure::poses::Which::default()).unwrap();
     ends_at_its_checks(200, |progress| {
-        let options = Options { progress: progress.clone(), ..Options::default() };
+        let options = PoseOptions { progress: progress.clone(), ..PoseOptions::default() };
         diagnose(&arm, &run, &options).map(|_| ())
     });
 }

@@ -7,7 +7,7 @@ use crate::diagnosis::SignalOptions;
 use crate::effect::LawName;
 use crate::error::{DiagnoseError, MIN_PIECES, MIN_ROWS};
 use crate::judge::selected::SelectedSignals;
-use crate::linearise::experiment::{Candidate, Columns, Experiment};
+use crate::linearise::experiment::{Candidate, Experiment, TableColumns};
 use crate::linearise::model::Model;
 use crate::linearise::model_effects::ModelEffect;
 use crate::linearise::torque::Near;
@@ -189,7 +189,7 @@ fn always(experiment: &Experiment, laws: &[String]) -> Result<Vec<usize>, Diagno
 fn check_numbers(model: &Model, data: &Prepared, experiment: &Experiment) -> Result<(), DiagnoseError> {
     let is_none = |residual: &f64| residual.is_nan() || residual.abs() >= LARGEST;
     let Some(at) = experiment.residuals.iter().position(is_none) else { return Ok(()) };
-    let Columns { measured, moving } = columns(model, data);
+    let TableColumns { measured, moving } = columns(model, data);
     let mut names = measured.into_iter().chain(moving.into_iter().map(|joint| joint.columns)).flatten();
     let line = experiment.rows[at / experiment.axes.len()].line;
     let cause = names.find_map(|name| data.first_not_a_number(&name, LARGEST));

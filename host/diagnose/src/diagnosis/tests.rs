@@ -50,8 +50,8 @@ fn carrying(arm: &Arm, effects: &[Effect<f64>], surroundings: Surroundings, load
     let mut model = arm.model.clone();
     model.effects.extend(effects.iter().copied());
     let mut scratch = ArmScratch::default();
-    let steps = plan(arm, &measurement_plan::Options { words: 64, ..measurement_plan::Options::default() });
-    let mut sample = |(visit, step): (usize, &measurement_plan::Step)| {
+    let steps = plan(arm, &measurement_plan::PlanOptions { words: 64, ..measurement_plan::PlanOptions::default() });
+    let mut sample = |(visit, step): (usize, &measurement_plan::PlanStep)| {
         let time_s = 0.3 * visit as f64;
         let (supply, temperature_k) = surroundings(time_s);
         let previous = Some(step.previous);
@@ -93,7 +93,7 @@ fn laws(diagnosis: &Diagnosis) -> Vec<&str> {
 fn the_value_lies_in_its_interval_and_the_model_is_corrected() {
     let arm = arm();
     let run = measured(&arm, &[stroke_loss()], changing);
-    let Outcome { diagnosis, correction } = diagnose(&arm, &run, &Options::default()).unwrap();
+    let Outcome { diagnosis, correction } = diagnose(&arm, &run, &PoseOptions::default()).unwrap();
     let [found] = &diagnosis.effects[..] else { panic!("{:?}", diagnosis.plain) };
     assert_eq!((found.law.as_str(), &found.site.code[..]), ("stroke-loss", "actuator 4, state 1"));
     let value = &found.values[0];
@@ -102,7 +102,7 @@ fn the_value_lies_in_its_interval_and_the_model_is_corrected() {
     assert!(high - low < 1e-4, "{value:?}");
     let corrected = correction.corrected(&arm, &run, Keep::Effects).unwrap();
     assert_eq!(corrected.model.number, arm.model.number + 1);
-    let again = diagnose(&corrected, &run, &Options::default()).unwrap().diagnosis;
+    let again = diagnose(&corrected, &run, &PoseOptions::default()).unwrap().diagnosis;
     assert_eq!(again.verdict, Verdict::NoEffect);
 }
 
@@ -119,7 +119,7 @@ fn an_interval_counts_runs_and_not_words_where_these_differ() {
         samples.map(move |sample| Sample { run: number as u32, ..sample })
     };
     let run = Run { samples: differs.iter().enumerate().flat_map(run_of).collect(), ..Run::default() };
-    let found = diagnose(&arm, &run, &Options::default()).unwrap().diagnosis;
+    let found = diagnose(&arm, &run, &PoseOptions::default()).unwrap().diagnosis;
     let [low, high] = found.effects[0].values[0].ci95.unwrap();
     let expected_m = quantile_975(5) * scatter_m / 6f64.sqrt();
     assert!((high - low) / 2.0 > 0.8 * expected_m && low < mean_m && mean_m < high, "{low} {high} {expected_m}");
@@ -130,7 +130,7 @@ fn a_sag_under_loads_that_change_is_found_by_the_column_of_loads_alone() {
     let arm = arm();
     let sag: Effect<f64> = Effect::GravitySag { at: Place::Arm, compliance_m_per_n: 2e-6 };
     let mut run = carrying(&arm, &[sag], changing, |visit| Some(((visit / 15) % 3) as f64));
-    let Outcome { diagnosis, .. } = diagnose(&arm, &run, &Options::default()).unwrap();
+    let Outcome { diagnosis, .. } = diagnose(&arm, &run, &PoseOptions::default()).unwrap();
     let [found] = &diagnosis.effects[..] else { panic!("{:?}", diagnosis.plain) };
     assert_eq!((found.law.as_str(), &found.site.code[..]), ("gravity-sag", "arm"));
     let [low, high] = found.values[0].ci95.unwrap();
@@ -139,7 +139,7 @@ fn a_sag_under_loads_that_change_is_found_by_the_column_of_loads_alone() {
     assert!(error_m(&diagnosis) < 4e-4);
     // Without the column one compliance has to serve for all loads.
     run.samples.iter_mut().for_each(|sample| sample.load_kg = None);
-    let without = diagnose(&arm, &run, &Options::default()).unwrap().diagnosis;
+    let without = diagnose(&arm, &run, &PoseOptions::default()).unwrap().diagnosis;
     assert!(error_m(&without) > 1.5 * error_m(&diagnosis), "{:?}", without.plain);
 }
 
@@ -148,7 +148,7 @@ fn a_base_that_is_moved_at_a_moment_is_found_with_that_moment() {
     let arm = arm();
     let step: Effect<f64> = Effect::BaseStep { since_s: 40.0, values: [0.0, 0.0, 1e-3, 2e-3, -1e-3, 0.0] };
     let run = measured(&arm, &[step], changing);
-    let Outcome { diagnosis, correction } = diagnose(&arm, &run, &Options::default()).unwrap();
+    let Outcome { diagnosis, correction } = diagnose(&arm, &run, &PoseOptions::default()).unwrap();
     let [found] = &diagnosis.effects[..] else { panic!("{:?}", diagnosis.plain) };
     assert_eq!((found.law.as_str(), &found.site.code[..]), ("base-step", "base"));
     let Effect::BaseStep { since_s, .. } = correction.best_effects[0] else { panic!("{:?}", correction.best_effects) };
@@ -159,7 +159,7 @@ fn a_base_that_is_moved_at_a_moment_is_found_with_that_moment() {
 #[test]
 fn two_effects_are_both_found() {
     let run = measured(&arm(), &[stroke_loss(), thermal_growth()], changing);
-    let diagnosis = diagnose(&arm(), &run, &Options::default()).unwrap().diagnosis;
+    let diagnosis = diagnose(&arm(), &run, &PoseOptions::default()).unwrap().diagnosis;
     let mut laws = laws(&diagnosis);
     laws.sort();
     assert_eq!(laws, ["stroke-loss", "thermal-growth"], "{:?}", diagnosis.plain);
@@ -169,7 +169,7 @@ fn two_effects_are_both_found() {
 fn what_cannot_be_told_apart_is_not_named() {
     // Under a supply that never changes, a stroke that follows it is a stroke that is too short.
     let run = measured(&arm(), &[stroke_loss()], |time_s| (5.4e5, changing(time_s).1));
-    let diagnosis = diagnose(&arm(), &run, &Options::default()).unwrap().diagnosis;
+    let diagnosis = diagnose(&arm(), &run, &PoseOptions::default()).unwrap().diagnosis;
     assert_eq!((diagnosis.verdict, diagnosis.effects.len()), (Verdict::NotIdentifiable, 0), "{:?}", diagnosis.plain);
     let mut names: Vec<&str> = diagnosis.alternatives.iter().map(|other| other.law.as_str()).collect();
     names.sort();
@@ -186,7 +186,7 @@ fn a_drift_that_no_law_knows_is_not_given_a_name() {
     for sample in &mut run.samples {
         sample.pose.position.x += 4e-3 * (sample.time_s / 20.0).sin();
     }
-    let diagnosis = diagnose(&arm(), &run, &Options::default()).unwrap().diagnosis;
+    let diagnosis = diagnose(&arm(), &run, &PoseOptions::default()).unwrap().diagnosis;
     assert_eq!(
         (diagnosis.verdict, diagnosis.effects.len()),
         (Verdict::UnexplainedStructure, 0),
@@ -204,7 +204,7 @@ fn what_no_law_explains_is_kept_as_fitted_terms() {
     for shift_mm in [&bracket as &dyn Fn(&Sample) -> f64, &cable] {
         let mut run = measured(&arm(), &[], changing);
         run.samples.iter_mut().for_each(|sample| sample.pose.position.x += 1e-3 * shift_mm(sample));
-        let Outcome { diagnosis, correction } = diagnose(&arm(), &run, &Options::default()).unwrap();
+        let Outcome { diagnosis, correction } = diagnose(&arm(), &run, &PoseOptions::default()).unwrap();
         assert_eq!(diagnosis.verdict, Verdict::UnexplainedStructure, "{:?}", diagnosis.plain);
         assert_eq!(correction.corrected(&arm(), &run, Keep::Effects), None);
         let term = &diagnosis.remaining.depends_on[0];
@@ -212,7 +212,7 @@ fn what_no_law_explains_is_kept_as_fitted_terms() {
         assert!(term.held_out_gain.as_ref().unwrap().value > 0.3e-3, "{:?} {:?}", diagnosis.plain, diagnosis.remaining);
         let kept = correction.corrected(&arm(), &run, Keep::EffectsAndTerms).unwrap();
         assert!(kept.model.effects.iter().any(|effect| effect.name() == LawName::FittedTerm));
-        let again = diagnose(&kept, &run, &Options::default()).unwrap().diagnosis;
+        let again = diagnose(&kept, &run, &PoseOptions::default()).unwrap().diagnosis;
         assert_eq!(again.verdict, Verdict::NoEffect, "{:?} {:?}", again.plain, kept.model.effects);
         let read = Arm::parse(Path::new("kept.toml"), &kept.to_toml()).unwrap();
         assert_eq!(read.model.effects, kept.model.effects);
@@ -226,7 +226,7 @@ fn a_camera_that_is_turned_by_any_angle_and_far_away_hides_nothing() {
     let mut run = measured(&arm, &[stroke_loss()], changing);
     let camera = Pose::new(&Vec3::new(0.0, 0.0, 100f64.to_radians()), Vec3::new(1.0, -2.5, 0.0));
     run.samples.iter_mut().for_each(|sample| sample.pose = camera * sample.pose);
-    let diagnosis = diagnose(&arm, &run, &Options::default()).unwrap().diagnosis;
+    let diagnosis = diagnose(&arm, &run, &PoseOptions::default()).unwrap().diagnosis;
     assert_eq!((diagnosis.verdict, laws(&diagnosis)), (Verdict::EffectFound, vec!["base-offset", "stroke-loss"]));
     let value = |name: &str| diagnosis.effects[0].values.iter().find(|value| value.name == name).unwrap().value;
     // 0.2 mm and 0.02° of noise, of more than a hundred visits two metres away.
@@ -241,7 +241,7 @@ fn rows_that_are_far_off_are_listed_and_change_nothing() {
     for &index in &wrong {
         run.samples[index].pose.position.y += 0.05;
     }
-    let diagnosis = diagnose(&arm(), &run, &Options::default()).unwrap().diagnosis;
+    let diagnosis = diagnose(&arm(), &run, &PoseOptions::default()).unwrap().diagnosis;
     assert_eq!(laws(&diagnosis), ["stroke-loss"]);
     let lines: Vec<usize> = diagnosis.outliers.iter().map(|outlier| outlier.line).collect();
     assert!(wrong.iter().all(|index| lines.contains(&(index + 2))) && lines.len() <= wrong.len() + 1, "{lines:?}");
@@ -254,7 +254,7 @@ fn rows_of_which_many_are_far_off_are_no_clean_log() {
     for &index in &wrong {
         run.samples[index].pose.position.y += 0.05;
     }
-    let diagnosis = diagnose(&arm(), &run, &Options::default()).unwrap().diagnosis;
+    let diagnosis = diagnose(&arm(), &run, &PoseOptions::default()).unwrap().diagnosis;
     assert_eq!(diagnosis.verdict, Verdict::UnexplainedStructure, "{:?}", diagnosis.plain);
     assert!(diagnosis.plain.iter().any(|sentence| sentence.contains("not isolated outliers")), "{:?}", diagnosis.plain);
 }
@@ -266,7 +266,7 @@ fn a_camera_that_sees_one_way_longer_than_the_other_is_no_moved_base() {
     for sample in &mut run.samples {
         sample.pose.position.y *= 1.01;
     }
-    let diagnosis = diagnose(&arm(), &run, &Options::default()).unwrap().diagnosis;
+    let diagnosis = diagnose(&arm(), &run, &PoseOptions::default()).unwrap().diagnosis;
     assert!(diagnosis.verdict != Verdict::EffectFound, "{:?} {:?}", diagnosis.plain, diagnosis.remaining);
     let on_place = diagnosis.remaining.depends_on.iter().any(|on| on.variable == "position of the tool");
     assert!(on_place, "{:?}", diagnosis.plain);
@@ -276,7 +276,7 @@ fn a_camera_that_sees_one_way_longer_than_the_other_is_no_moved_base() {
 fn without_repeats_there_is_no_repeatability_but_a_diagnosis() {
     let mut run = measured(&arm(), &[stroke_loss()], changing);
     run.samples.retain(|sample| sample.previous != Some(sample.word));
-    let diagnosis = diagnose(&arm(), &run, &Options::default()).unwrap().diagnosis;
+    let diagnosis = diagnose(&arm(), &run, &PoseOptions::default()).unwrap().diagnosis;
     let reported = (diagnosis.repeatability.is_none(), laws(&diagnosis));
     assert_eq!(reported, (true, vec!["stroke-loss"]), "{:?}", diagnosis.plain);
 }
@@ -284,7 +284,8 @@ fn without_repeats_there_is_no_repeatability_but_a_diagnosis() {
 #[test]
 fn the_same_run_gives_the_same_numbers() {
     let run = measured(&arm(), &[thermal_growth()], changing);
-    let reported = || serde_json::to_string(&diagnose(&arm(), &run, &Options::default()).unwrap().diagnosis).unwrap();
+    let reported =
+        || serde_json::to_string(&diagnose(&arm(), &run, &PoseOptions::default()).unwrap().diagnosis).unwrap();
     assert_eq!(reported(), reported());
 }
 
@@ -294,9 +295,9 @@ fn a_run_that_says_too_little_or_does_not_fit_is_refused() {
     let few: std::collections::BTreeSet<_> = run.samples.iter().take(10).map(|sample| sample.word).collect();
     let little =
         Run { samples: run.samples.iter().filter(|s| few.contains(&s.word)).cloned().collect(), ..Run::default() };
-    assert!(matches!(diagnose(&arm(), &little, &Options::default()), Err(DiagnoseError::TooFewWords { .. })));
+    assert!(matches!(diagnose(&arm(), &little, &PoseOptions::default()), Err(DiagnoseError::TooFewWords { .. })));
     run.samples[3].word = "0101".parse().unwrap();
-    let error = diagnose(&arm(), &run, &Options::default()).unwrap_err();
+    let error = diagnose(&arm(), &run, &PoseOptions::default()).unwrap_err();
     assert_eq!((error.line(), error.to_string()), (Some(5), "the word has 4 digits, the arm has 12 actuators".into()));
 }
 
@@ -319,8 +320,8 @@ fn mentioned(diagnosis: &Diagnosis) -> String {
         .collect()
 }
 
-fn rejecting(texts: &[&str]) -> Options {
-    Options { rejected: texts.iter().map(|text| text.parse().unwrap()).collect(), ..Options::default() }
+fn rejecting(texts: &[&str]) -> PoseOptions {
+    PoseOptions { rejected: texts.iter().map(|text| text.parse().unwrap()).collect(), ..PoseOptions::default() }
 }
 
 #[test]
@@ -388,7 +389,7 @@ fn temperatures_in_fahrenheit_are_a_reading_and_growth_by_them_is_no_effect() {
     let mut run = measured(&arm, &[Effect::ThermalGrowth { at: Place::Arm, expansion_per_k: 1e-4 }], |time_s| {
         (6e5, 298.0 + 5.0 * (time_s / 40.0).sin())
     });
-    let verdict = |run: &Run| diagnose(&arm, run, &Options::default()).unwrap().diagnosis;
+    let verdict = |run: &Run| diagnose(&arm, run, &PoseOptions::default()).unwrap().diagnosis;
     assert_eq!(laws(&verdict(&run)), ["thermal-growth"]);
     run.samples.iter_mut().for_each(|sample| sample.temperature_c = sample.temperature_c.map(|c| 1.8 * c + 32.0));
     let read = verdict(&run);

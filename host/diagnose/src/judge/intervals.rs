@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::effect::{Effect, Value};
+use crate::effect::{Effect, EffectValue};
 use crate::judge::held_out::HeldOut;
 use crate::judge::selected::SelectedSignals;
 use crate::least_squares::{pseudo_inverse, weights};
@@ -12,7 +12,7 @@ use crate::prepare::groups::{Clusters, Groups};
 use crate::progress::Cancelled;
 use crate::select::backward::FALSE_SHARE;
 use crate::select::problem::{Neighbours as _, RegressionProblem as _};
-use crate::select::signals::{Fit, Signals};
+use crate::select::signals::{SignalFit, Signals};
 use crate::select::significance::{chance_beyond, discoveries, quantile_975};
 use crate::select::simplify::surrogates;
 
@@ -142,7 +142,7 @@ pub(crate) fn effects(selected: &SelectedSignals) -> Result<(Vec<Effect>, Vec<St
     let (named, neighbours) = (named(selected, &deviations), problem.neighbours(best)?);
     for order in 0..best.fit.active.len() {
         let candidate = selected.candidate(order);
-        let mut values: Vec<Value> = candidate.shape.iter().map(shape).collect();
+        let mut values: Vec<EffectValue> = candidate.shape.iter().map(shape).collect();
         let n_shape = values.len();
         let number = best.fit.active[order];
         let body = problem.experiment.bodies.iter().find(|body| body.candidate == number);
@@ -157,7 +157,13 @@ pub(crate) fn effects(selected: &SelectedSignals) -> Result<(Vec<Effect>, Vec<St
             if is_identified && at.is_finite() {
                 let ci95 = Some([at - half, at + half]);
                 let nominal = body.map(|body| body.nominal[k]);
-                values.push(Value { name: value.name.clone(), value: at, unit: value.unit.clone(), ci95, nominal });
+                values.push(EffectValue {
+                    name: value.name.clone(),
+                    value: at,
+                    unit: value.unit.clone(),
+                    ci95,
+                    nominal,
+                });
             } else {
                 unobservable.push(value_name(value, candidate));
             }
@@ -182,8 +188,8 @@ pub(crate) fn effects(selected: &SelectedSignals) -> Result<(Vec<Effect>, Vec<St
 }
 
 /// The number in the shape of a law.
-fn shape((name, value, unit): &(&'static str, f64, String)) -> Value {
-    Value { name: (*name).into(), value: *value, unit: unit.clone(), ci95: None, nominal: None }
+fn shape((name, value, unit): &(&'static str, f64, String)) -> EffectValue {
+    EffectValue { name: (*name).into(), value: *value, unit: unit.clone(), ci95: None, nominal: None }
 }
 
 /// The values of the other candidates that these rows do not identify beside those of a model.
@@ -210,11 +216,11 @@ fn not_narrowed(selected: &SelectedSignals, k: usize) -> Vec<String> {
 }
 
 /// Whether the rows leave a value with a prior a variance that identifies it.
-fn narrows(value: &experiment::Value, variance: f64) -> bool {
+fn narrows(value: &experiment::CandidateValue, variance: f64) -> bool {
     variance.sqrt() < NOT_NARROWED * value.prior
 }
 
-fn value_name(value: &experiment::Value, of: &Candidate) -> String {
+fn value_name(value: &experiment::CandidateValue, of: &Candidate) -> String {
     format!("{} of {} at {}", value.name, of.law, of.site)
 }
 
@@ -252,14 +258,14 @@ pub(crate) fn likeliest(selected: &SelectedSignals, count: usize) -> Vec<usize> 
 
 /// Whether rows that no fit has seen are predicted worse without an effect. One that fits the others' errors has an interval without zero
 /// too.
-fn is_confirmed(selected: &SelectedSignals, without: &Fit, gain: Option<&Number>) -> bool {
+fn is_confirmed(selected: &SelectedSignals, without: &SignalFit, gain: Option<&Number>) -> bool {
     let falls = HeldOut::from(selected, &without.values)
         .falls(&selected.best.weighting.sigma, selected.problem.experiment.n_norm);
     falls && gain.is_none_or(|gain| gain.value > 0.0)
 }
 
 /// By how much the held-out norm is larger without an effect.
-fn held_out_gain(selected: &SelectedSignals, without: &Fit) -> Option<Number> {
+fn held_out_gain(selected: &SelectedSignals, without: &SignalFit) -> Option<Number> {
     let SelectedSignals { problem, best, .. } = selected;
     let gain = held_out_norm(problem, &without.values)? - held_out_norm(problem, &best.fit.values)?;
     Some(Number::new(gain, problem.experiment.unit()))

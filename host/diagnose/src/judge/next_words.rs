@@ -9,9 +9,9 @@ use crate::least_squares::{condition_of, normal, pseudo_inverse, weights};
 use crate::linearise::arm_candidates::{all, same};
 use crate::linearise::sensitivity::Sensitivity;
 use crate::measurement_plan::optimal_design::informative_first;
-use crate::measurement_plan::{Step, as_run, candidates};
+use crate::measurement_plan::{PlanStep, as_run, candidates};
 use crate::outcome::{Alternative, NextMeasurement};
-use crate::prepare::observations::{NoPose, Observations, Value};
+use crate::prepare::observations::{NoPose, Observations, ValueIndex};
 use crate::select::robust_fit::fit;
 use crate::select::tool_pose::values;
 use darm_arm::arm::{Arm, ArmModel, ArmScratch, ZERO_CELSIUS};
@@ -114,9 +114,9 @@ fn measurements(
     sensitivity: &Sensitivity,
     observations: &Observations,
     model: &ArmModel,
-    values: &[Value],
+    values: &[ValueIndex],
 ) -> Vec<DMatrix<f64>> {
-    let column = |&(effect, value): &Value| sensitivity.column(&model.effects[effect], value);
+    let column = |&(effect, value): &ValueIndex| sensitivity.column(&model.effects[effect], value);
     let columns: Vec<Option<Vec<f64>>> = values.iter().map(column).collect();
     let n_axes = observations.n_axes();
     let entry =
@@ -126,7 +126,7 @@ fn measurements(
 }
 
 /// The words of these steps in order, each after the word that it is to follow.
-fn visited<'a>(steps: impl Iterator<Item = &'a Step>) -> Vec<Word> {
+fn visited<'a>(steps: impl Iterator<Item = &'a PlanStep>) -> Vec<Word> {
     let mut words: Vec<Word> = Vec::new();
     for step in steps {
         if words.last() != Some(&step.previous) {

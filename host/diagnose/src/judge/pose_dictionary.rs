@@ -18,7 +18,7 @@ use darm_core::units::Word;
 
 use crate::judge::regression::Term;
 use crate::outcome::{Regressor, Shape};
-use crate::prepare::observations::{Observations, Row};
+use crate::prepare::observations::{Observations, PoseRow};
 use darm_arm::arm::{Arm, ArmScratch};
 use darm_measure::Run;
 
@@ -51,7 +51,7 @@ fn scale(values: impl Iterator<Item = f64>) -> (f64, f64) {
 }
 
 fn surroundings(arm: &Arm, observations: &Observations) -> Vec<Term> {
-    let range = |value: &dyn Fn(&Row) -> f64| scale(observations.rows.iter().map(value));
+    let range = |value: &dyn Fn(&PoseRow) -> f64| scale(observations.rows.iter().map(value));
     let (supply, span) = range(&|row| observations.condition(row).supply);
     let (temperature, span_k) = range(&|row| observations.condition(row).temperature_k);
     let mut channels = vec![
@@ -67,7 +67,7 @@ fn surroundings(arm: &Arm, observations: &Observations) -> Vec<Term> {
         let values = observations.rows.iter().map(|row| of.of(&observations.condition(row))).collect();
         terms.extend(straight_and_square(&regressor, values, Some(of)));
     }
-    let load = |row: &Row| observations.condition(row).load_kg;
+    let load = |row: &PoseRow| observations.condition(row).load_kg;
     let (center, span) = range(&load);
     let loads = observations.rows.iter().map(|row| (load(row) - center) / span).collect();
     terms.extend(straight_and_square(&Regressor::Load, loads, None));
@@ -152,8 +152,8 @@ fn memory(arm: &Arm, run: &Run, observations: &Observations) -> Vec<Term> {
     let mut terms = Vec::new();
     for k in 0..arm.n_actuators() {
         let own: Vec<u8> = observations.rows.iter().map(|row| observations.condition(row).word.digit(k)).collect();
-        let same = |earlier: &dyn Fn(&Row) -> Option<Word>| -> Vec<f64> {
-            let same = |(row, digit): (&Row, &u8)| flag(earlier(row).is_some_and(|word| word.digit(k) == *digit));
+        let same = |earlier: &dyn Fn(&PoseRow) -> Option<Word>| -> Vec<f64> {
+            let same = |(row, digit): (&PoseRow, &u8)| flag(earlier(row).is_some_and(|word| word.digit(k) == *digit));
             observations.rows.iter().zip(&own).map(same).collect()
         };
         let mut add = |regressor, same: &[f64], kept| {

@@ -3,7 +3,7 @@
 use super::constancy::Fitted;
 use super::selected::SelectedPoses;
 use crate::linearise::arm_candidates;
-use crate::outcome::{Dependence, Effect, Number, Value};
+use crate::outcome::{Dependence, Effect, EffectValue, Number};
 use crate::prepare::groups::Clusters;
 use crate::prepare::observations;
 use crate::select::problem::RegressionProblem as _;
@@ -19,11 +19,11 @@ pub(crate) fn effects(selected: &SelectedPoses) -> Result<(Vec<Effect>, Vec<bool
     let half_widths = half_widths(selected);
     let (mut found, mut is_confirmed) = (Vec::new(), Vec::new());
     for (index, effect) in fit.model.effects.iter().enumerate().skip(selected.n_known()) {
-        let value = |(column, &(_, value)): (usize, &observations::Value)| {
+        let value = |(column, &(_, value)): (usize, &observations::ValueIndex)| {
             let half = half_widths[column];
             let (quantity, value) = (effect.quantities()[value], effect.values()[value]);
             let ci95 = Some([value - half, value + half]);
-            Value { name: quantity.name.into(), value, unit: quantity.unit.into(), ci95, nominal: None }
+            EffectValue { name: quantity.name.into(), value, unit: quantity.unit.into(), ci95, nominal: None }
         };
         let of_effect = fit.values.iter().enumerate().filter(|(_, (owner, _))| *owner == index);
         let without = without(selected, index)?;
@@ -80,7 +80,7 @@ fn without(selected: &SelectedPoses, effect: usize) -> Result<Trial<ToolPoses>, 
 
 /// Values of the effects selected that no row identifies; on a planar arm, offsets out of the plane say.
 pub(crate) fn unobservable(best: &Trial<ToolPoses>) -> Vec<String> {
-    let name = |&(effect, value): &observations::Value| {
+    let name = |&(effect, value): &observations::ValueIndex| {
         let effect = &best.fit.model.effects[effect];
         format!("{} of {} at {}", effect.quantities()[value].name, effect.name(), arm_candidates::place_code(effect))
     };

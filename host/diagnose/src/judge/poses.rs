@@ -14,7 +14,7 @@ use crate::agreement;
 use crate::linearise::arm_candidates;
 use crate::outcome::{self, Alternative, AxisFigure, Number, Repeatability, RepeatedIn, Structure, Verdict};
 use crate::prepare::observations::{NoPose, axes};
-use crate::prepare::repeatability::Noise;
+use crate::prepare::repeatability::PoseRepeatability;
 use crate::progress::Cancelled;
 use crate::select::forward::rivals;
 use crate::select::problem::{RegressionProblem as _, Trial};
@@ -101,7 +101,7 @@ pub(crate) fn judge(
     Ok((judgement, with_terms))
 }
 
-fn repeatability(arm: &Arm, noise: &Noise) -> Repeatability {
+fn repeatability(arm: &Arm, noise: &PoseRepeatability) -> Repeatability {
     Repeatability {
         norm: Number::new(noise.distance_m, "m"),
         axes: axes(arm).iter().map(|&axis| AxisFigure::of_twist(axis, noise.sigma[axis])).collect(),

@@ -5,7 +5,7 @@ use darm_core::effect::Effect;
 
 use crate::agreement::Agreement;
 use crate::linearise::experiment::Candidate;
-use crate::prepare::repeatability::Noise;
+use crate::prepare::repeatability::PoseRepeatability;
 use crate::select::forward::SelectionStep;
 use crate::select::problem::Trial;
 use crate::select::signals::Signals;
@@ -22,7 +22,7 @@ pub(crate) struct SelectedPoses<'a> {
     /// The rows.
     pub(crate) problem: &'a ToolPoses,
     /// The scatter of repeats, however few.
-    pub(crate) repeatability: Option<&'a Noise>,
+    pub(crate) repeatability: Option<&'a PoseRepeatability>,
     /// The model with the effects selected.
     pub(crate) best: &'a Trial<ToolPoses>,
     /// How the run agrees with the arm before them.
@@ -36,7 +36,7 @@ impl SelectedPoses<'_> {
     }
 
     /// The noise of repeats, where there are enough of them.
-    pub(crate) fn repeats(&self) -> Option<&Noise> {
+    pub(crate) fn repeats(&self) -> Option<&PoseRepeatability> {
         self.repeatability.filter(|noise| noise.is_known())
     }
 

@@ -3,7 +3,7 @@
 use darm_robot::rigid_body::inertia::{INERTIAL_PARAMETERS, prior_deviations};
 
 use crate::effect::{LawName, Site};
-use crate::linearise::experiment::{BodyCandidate, Candidate, Value};
+use crate::linearise::experiment::{BodyCandidate, Candidate, CandidateValue};
 
 /// What a tool or a payload may weigh before anything is measured, in shares of the robot's mass, and how far out that is, m.
 const CARRIED_SHARE: f64 = 0.1;
@@ -46,7 +46,7 @@ fn with_priors(
     priors: [f64; 10],
     columns: [Vec<f64>; 10],
 ) -> (Candidate, BodyCandidate) {
-    let value = |(((name, unit), prior), column): (((&str, &str), f64), Vec<f64>)| Value {
+    let value = |(((name, unit), prior), column): (((&str, &str), f64), Vec<f64>)| CandidateValue {
         name: name.into(),
         unit: unit.into(),
         prior,

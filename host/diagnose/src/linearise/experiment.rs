@@ -5,7 +5,7 @@ use darm_robot::robot::RobotJoint;
 
 use crate::effect::{LawName, Place, Site};
 use crate::measured::Measured;
-use crate::prepare::groups::Row;
+use crate::prepare::groups::SignalRow;
 use crate::prepare::signals::Prepared;
 use darm_measure::Finding;
 
@@ -23,7 +23,7 @@ pub struct Axis {
 
 /// One value of an effect.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Value {
+pub struct CandidateValue {
     /// Its name.
     pub name: String,
     /// Its unit.
@@ -46,7 +46,7 @@ pub struct Candidate {
     /// A number that the law has and no fit changes: its name, value and unit.
     pub shape: Option<(&'static str, f64, String)>,
     /// What a fit determines.
-    pub values: Vec<Value>,
+    pub values: Vec<CandidateValue>,
 }
 
 /// The ten inertial parameters of a body as its model has them, and the candidate that may change them.
@@ -77,7 +77,7 @@ pub type Beyond = dyn Fn(&[f64]) -> Option<Vec<f64>> + Send + Sync;
 
 /// The columns of a table that an experiment reads.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Columns {
+pub(crate) struct TableColumns {
     /// What is predicted: groups whose signs or names a log may have confused as one.
     pub(crate) measured: Vec<Vec<String>>,
     /// What moves, joint by joint.
@@ -102,7 +102,7 @@ pub struct Experiment {
     /// How many of the axes, from the first, have one unit and make the norm.
     pub n_norm: usize,
     /// The rows.
-    pub rows: Vec<Row>,
+    pub rows: Vec<SignalRow>,
     /// Predicted minus measured of the model as it is: rows × axes.
     pub residuals: Vec<f64>,
     /// What was measured: rows × axes, of an orientation 0; `None` where only differences of predictions are.
@@ -141,8 +141,13 @@ impl Axis {
 impl Candidate {
     /// A law with one value.
     pub fn one(law: LawName, site: Site, (name, unit): (&str, &str), column: Vec<f64>) -> Self {
-        let value =
-            Value { name: name.into(), unit: unit.into(), prior: f64::INFINITY, min: f64::NEG_INFINITY, column };
+        let value = CandidateValue {
+            name: name.into(),
+            unit: unit.into(),
+            prior: f64::INFINITY,
+            min: f64::NEG_INFINITY,
+            column,
+        };
         Self { law, site, shape: None, values: vec![value] }
     }
 

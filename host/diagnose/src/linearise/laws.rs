@@ -6,7 +6,7 @@
 use darm_core::effect::basis::{CoordinateSample, Law, Memory, Per};
 
 use crate::effect::Site;
-use crate::linearise::experiment::{Candidate, Value};
+use crate::linearise::experiment::{Candidate, CandidateValue};
 use crate::linearise::model_effects::ModelEffect;
 use darm_measure::root_mean_square;
 use darm_measure::signal::rate;
@@ -147,8 +147,13 @@ impl Coordinate<'_> {
         let shape = law.shape_parameter().map(|constant| (constant.name, constant.value, self.dimension(constant.per)));
         let numbers = self.column(law);
         let column = numbers.iter().flat_map(|number| shares.iter().map(move |share| share * number)).collect();
-        let value =
-            Value { name: law.coefficient().into(), unit, prior: f64::INFINITY, min: f64::NEG_INFINITY, column };
+        let value = CandidateValue {
+            name: law.coefficient().into(),
+            unit,
+            prior: f64::INFINITY,
+            min: f64::NEG_INFINITY,
+            column,
+        };
         Candidate { law: law.name(), site: site.clone(), shape, values: vec![value] }
     }
 

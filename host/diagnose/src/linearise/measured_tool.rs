@@ -16,7 +16,7 @@ use darm_core::se::{Pose, Twist, rotation_exp, rotation_jacobian, rotation_log};
 use nalgebra::{DMatrix, DVector, Quaternion, UnitQuaternion};
 
 use crate::effect::{LawName, Place, Site};
-use crate::linearise::experiment::{Axis, Candidate, Columns, Curvature, Experiment, Moving, Value};
+use crate::linearise::experiment::{Axis, Candidate, CandidateValue, Curvature, Experiment, Moving, TableColumns};
 use crate::linearise::serial_chain::{self, FrameChain, SerialChain};
 use crate::measured::Measured;
 use crate::prepare::signals::{PrepareError, Prepared};
@@ -102,10 +102,10 @@ pub(crate) fn experiment(data: &Prepared, robot: &Robot, how: &MeasuredTool) -> 
 }
 
 /// The columns that a log may have exchanged or in another unit.
-pub(crate) fn columns(data: &Prepared, robot: &Robot, how: &MeasuredTool) -> Columns {
+pub(crate) fn columns(data: &Prepared, robot: &Robot, how: &MeasuredTool) -> TableColumns {
     let path = robot.frame_or_tool(how.tool.as_deref()).map_or(Vec::new(), |tool| robot.path(tool));
     let joints = serial_chain::columns(data, robot, &path);
-    Columns {
+    TableColumns {
         measured: POSITION.map(|name| vec![name.to_string()]).into(),
         moving: joints.into_iter().map(|column| Moving { columns: vec![column], turns: true }).collect(),
     }
@@ -152,7 +152,7 @@ fn instrument_frame(mut columns: impl Iterator<Item = Vec<f64>>) -> Candidate {
     let [shift, turn] = FRAME_PRIORS;
     let moved = POSITION.map(|name| (name, "m", shift));
     let turned = ["turn about x", "turn about y", "turn about z"].map(|name| (name, "rad", turn));
-    let value = |(name, unit, prior): (&str, &str, f64)| Value {
+    let value = |(name, unit, prior): (&str, &str, f64)| CandidateValue {
         name: name.into(),
         unit: unit.into(),
         prior,
@@ -166,7 +166,8 @@ fn instrument_frame(mut columns: impl Iterator<Item = Vec<f64>>) -> Candidate {
 /// By how much the instrument shows lengths too long; its column is the last one.
 fn instrument_scale(mut columns: impl Iterator<Item = Vec<f64>>) -> Candidate {
     let column = columns.next().expect("a column for the scale");
-    let value = Value { name: "stretch".into(), unit: "1".into(), prior: SCALE_PRIOR, min: f64::NEG_INFINITY, column };
+    let value =
+        CandidateValue { name: "stretch".into(), unit: "1".into(), prior: SCALE_PRIOR, min: f64::NEG_INFINITY, column };
     Candidate { law: LawName::Scale, site: instrument(), shape: None, values: vec![value] }
 }
 

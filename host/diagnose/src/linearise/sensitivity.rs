@@ -13,7 +13,7 @@ use darm_core::model::Condition;
 use darm_core::se::{Pose, Twist};
 
 use crate::linearise::arm_candidates::same;
-use crate::prepare::observations::{NoPose, Observations, Row};
+use crate::prepare::observations::{NoPose, Observations, PoseRow};
 use darm_arm::arm::{ArmModel, ArmScratch};
 
 /// The step of a law's value; laws are smooth at this scale in all their units.
@@ -179,7 +179,7 @@ impl<'a> Posture<'a> {
     fn new(
         model: &ArmModel,
         observations: &Observations,
-        row: &'a Row,
+        row: &'a PoseRow,
         scratch: &mut ArmScratch,
     ) -> Result<Self, NoPose> {
         let condition = observations.condition(row);

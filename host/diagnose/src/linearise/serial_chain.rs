@@ -18,7 +18,7 @@ use darm_core::real::{Mat3, Vec3};
 use darm_core::se::{Pose, Twist, rotation_exp, rotation_jacobian};
 
 use crate::effect::{LawName, Place, Site};
-use crate::linearise::experiment::{Candidate, Value};
+use crate::linearise::experiment::{Candidate, CandidateValue};
 use crate::prepare::signals::{PrepareError, Prepared};
 use darm_measure::{Finding, FindingKind};
 use darm_robot::robot::{Robot, RobotFrame};
@@ -290,6 +290,6 @@ pub(super) fn columns(data: &Prepared, robot: &Robot, path: &[usize]) -> Vec<Str
 }
 
 /// A value of this name, unit and prior deviation, without a lower limit.
-fn value((name, unit, prior): (&str, &str, f64), column: Vec<f64>) -> Value {
-    Value { name: name.into(), unit: unit.into(), prior, min: f64::NEG_INFINITY, column }
+fn value((name, unit, prior): (&str, &str, f64), column: Vec<f64>) -> CandidateValue {
+    CandidateValue { name: name.into(), unit: unit.into(), prior, min: f64::NEG_INFINITY, column }
 }

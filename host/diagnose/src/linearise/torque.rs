@@ -17,13 +17,15 @@ use self::placement::{Misplaced, Placement};
 use crate::effect::{Place, Site};
 use crate::error::DiagnoseError;
 use crate::linearise::bodies;
-use crate::linearise::experiment::{Axis, BodyCandidate, Candidate, Columns, Curvature, Experiment, Moving, Value};
+use crate::linearise::experiment::{
+    Axis, BodyCandidate, Candidate, CandidateValue, Curvature, Experiment, Moving, TableColumns,
+};
 use crate::linearise::laws::Coordinate;
 use crate::linearise::model_effects::{self, ModelEffect};
 use crate::linearise::ripple::periods_a_turn;
 use crate::linearise::serial_chain::site_of_joint;
 use crate::measured::Measured;
-use crate::prepare::groups::Row;
+use crate::prepare::groups::SignalRow;
 use crate::prepare::signals::{PrepareError, Prepared};
 use crate::progress::Progress;
 use darm_measure::{Finding, FindingKind};
@@ -120,9 +122,15 @@ pub fn added(
         let channel = |joint: usize| states.iter().map(|state| state[order][joint]).collect();
         (0..n).map(channel).collect()
     });
-    let row =
-        |(k, &time_s): (usize, &f64)| Row { line: k + 1, time_s, series: 0, motion: 0, key: None, held_out: false };
-    let rows: Vec<Row> = times_s.iter().enumerate().map(row).collect();
+    let row = |(k, &time_s): (usize, &f64)| SignalRow {
+        line: k + 1,
+        time_s,
+        series: 0,
+        motion: 0,
+        key: None,
+        held_out: false,
+    };
+    let rows: Vec<SignalRow> = times_s.iter().enumerate().map(row).collect();
     let (tau, payload) = (vec![vec![0.0; rows.len()]; n], vec![0; rows.len()]);
     let motion = Motion { q, v, a, tau, payload, is_sample: false, near: None };
     let mut experiment = of_motion((rows, &Progress::default()), robot, transmission, known, &motion)?;
@@ -134,7 +142,7 @@ pub fn added(
 
 /// The experiment of a motion, unless it is given up between two joints.
 fn of_motion(
-    (rows, progress): (Vec<Row>, &Progress),
+    (rows, progress): (Vec<SignalRow>, &Progress),
     robot: &Robot,
     transmission: Option<&Transmission>,
     known: &[ModelEffect],
@@ -247,7 +255,8 @@ fn misplaced(
     let off = |(candidate, _): &(Candidate, BodyCandidate)| {
         let is_own = |effect: &&ModelEffect| effect.law == candidate.law && effect.place == candidate.site.code;
         let own = found.iter().find(is_own);
-        let size = move |value: &Value| own.and_then(|own| own.values.get(&value.name)).copied().unwrap_or_default();
+        let size =
+            move |value: &CandidateValue| own.and_then(|own| own.values.get(&value.name)).copied().unwrap_or_default();
         candidate.values.iter().map(size).collect::<Vec<f64>>()
     };
     let off: Vec<f64> = bodies.iter().flat_map(off).collect();
@@ -278,17 +287,17 @@ fn columns_of_joints(data: &Prepared, robot: &Robot) -> Vec<[String; 4]> {
 }
 
 /// The columns that the experiment reads.
-pub(crate) fn columns(data: &Prepared, robot: &Robot, transmission: Option<&Transmission>) -> Columns {
+pub(crate) fn columns(data: &Prepared, robot: &Robot, transmission: Option<&Transmission>) -> TableColumns {
     if transmission.is_some() && data.raw("qm1").is_some() {
         let of_motors = |letters: &str| (1..=robot.joints.len()).map(|k| format!("{letters}{k}")).collect::<Vec<_>>();
         let [measured, positions] = ["taum", "qm"].map(|of| of_motors(of).into_iter().map(|column| vec![column]));
         let moving = positions.map(|columns| Moving { columns, turns: true }).collect();
-        return Columns { measured: measured.collect(), moving };
+        return TableColumns { measured: measured.collect(), moving };
     }
     let joints = robot.joints.iter().zip(columns_of_joints(data, robot));
     let (measured, moving) =
         joints.map(|(joint, [q, v, a, tau])| (vec![tau], Moving::of(joint, vec![q, v, a]))).unzip();
-    Columns { measured, moving }
+    TableColumns { measured, moving }
 }
 
 fn of_joints(data: &Prepared, robot: &Robot) -> Result<Motion, PrepareError> {

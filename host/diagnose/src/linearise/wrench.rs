@@ -13,7 +13,7 @@ use nalgebra::{Quaternion, UnitQuaternion};
 
 use crate::effect::{LawName, Place, Site};
 use crate::linearise::bodies::candidate;
-use crate::linearise::experiment::{Axis, Candidate, Curvature, Experiment, Value};
+use crate::linearise::experiment::{Axis, Candidate, CandidateValue, Curvature, Experiment};
 use crate::measured::Measured;
 use crate::prepare::signals::{PrepareError, Prepared};
 use darm_robot::rigid_body::regressor::{BodyMotion, link_motions, wrench_regressor};
@@ -113,7 +113,7 @@ impl Axes<'_> {
 fn sensor_frame(measured: &[Vec<f64>], axes: &Axes) -> Candidate {
     let value = |(k, (name, unit)): (usize, (&str, &str))| {
         let column = axes.column(|row, part| wrench_of_frame(measured, k, row, part));
-        Value { name: name.into(), unit: unit.into(), prior: f64::INFINITY, min: f64::NEG_INFINITY, column }
+        CandidateValue { name: name.into(), unit: unit.into(), prior: f64::INFINITY, min: f64::NEG_INFINITY, column }
     };
     let names =
         [("x", "m"), ("y", "m"), ("z", "m"), ("turn about x", "rad"), ("turn about y", "rad"), ("turn about z", "rad")];

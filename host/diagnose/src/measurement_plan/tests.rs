@@ -11,7 +11,7 @@ fn arm() -> Arm {
 
 #[test]
 fn every_word_is_visited_after_different_words() {
-    let options = Options::default();
+    let options = PlanOptions::default();
     let steps = plan(&arm(), &options);
     let mut before: BTreeMap<Word, BTreeSet<Word>> = BTreeMap::new();
     for step in steps.iter().filter(|step| !step.repeat) {
@@ -25,7 +25,7 @@ fn every_word_is_visited_after_different_words() {
 
 #[test]
 fn nearly_every_actuator_comes_to_nearly_every_word_moved_and_unmoved() {
-    let steps = plan(&arm(), &Options::default());
+    let steps = plan(&arm(), &PlanOptions::default());
     let mut ways: BTreeMap<(Word, usize), BTreeSet<bool>> = BTreeMap::new();
     for step in steps.iter().filter(|step| !step.repeat) {
         for k in 0..12 {
@@ -50,7 +50,7 @@ fn every_state_is_among_the_words_that_are_held_out() {
 
 #[test]
 fn a_quarter_of_the_words_is_held_out_whole_and_not_repeated() {
-    let steps = plan(&arm(), &Options::default());
+    let steps = plan(&arm(), &PlanOptions::default());
     let words = |held_out| steps.iter().filter(|s| s.held_out == held_out).map(|s| s.word).collect::<BTreeSet<_>>();
     assert_eq!(words(true).len(), 24);
     assert!(words(true).is_disjoint(&words(false)));
@@ -74,7 +74,7 @@ fn the_words_tell_more_than_random_ones() {
             .map(f64::ln)
             .sum()
     };
-    let chosen = information(&informative_words(&arm, &Options { seed: 7, ..Options::default() }));
+    let chosen = information(&informative_words(&arm, &PlanOptions { seed: 7, ..PlanOptions::default() }));
     let random: f64 = information(&steps.iter().take(96).map(|step| step.word).collect::<Vec<_>>());
     assert!(chosen > random + 1.0, "{chosen} {random}");
 }
@@ -82,7 +82,7 @@ fn the_words_tell_more_than_random_ones() {
 #[test]
 fn a_plan_that_no_diagnosis_could_use_is_refused() {
     let visits = |arm: &Arm, words| {
-        let options = Options { words, ..Options::default() };
+        let options = PlanOptions { words, ..PlanOptions::default() };
         measurement_visits(arm, &options, 0.2).map(|visits| visits.len()).map_err(|error| error.to_string())
     };
     let planar4 = arm();
@@ -91,7 +91,7 @@ fn a_plan_that_no_diagnosis_could_use_is_refused() {
             format!("a plan of {words} words is too small to distinguish an effect from chance; give at least 27");
         assert_eq!(visits(&planar4, words), Err(refused));
     }
-    let steps = plan(&planar4, &Options { words: 27, ..Options::default() });
+    let steps = plan(&planar4, &PlanOptions { words: 27, ..PlanOptions::default() });
     let training: BTreeSet<Word> = steps.iter().filter(|step| !step.held_out).map(|step| step.word).collect();
     assert!(visits(&planar4, 27).is_ok() && training.len() >= MIN_WORDS, "{}", training.len());
     let text = include_str!("../../../../examples/serial2.toml");

@@ -11,7 +11,7 @@ const LONGEST_LAG: usize = 200;
 
 /// One row of the measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Row {
+pub struct SignalRow {
     /// Line of the file, the header being 1.
     pub line: usize,
     /// When, s; the number of the row where there is no time.
@@ -71,7 +71,7 @@ pub struct Groups {
 impl Groups {
     /// Groups of the rows that are not held out.
     #[expect(clippy::missing_panics_doc, reason = "a key is searched among the keys themselves")]
-    pub fn new(rows: &[Row]) -> Self {
+    pub fn new(rows: &[SignalRow]) -> Self {
         let training: Vec<usize> = (0..rows.len()).filter(|&row| !rows[row].held_out).collect();
         let mut follows = vec![false; training.len()];
         for k in 1..training.len() {

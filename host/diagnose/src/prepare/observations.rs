@@ -20,11 +20,11 @@ const PLANAR: [usize; 3] = [2, 3, 4];
 const SPATIAL: [usize; 6] = [0, 1, 2, 3, 4, 5];
 
 /// A value of an effect in a model: the number of the effect and of the value.
-pub type Value = (usize, usize);
+pub type ValueIndex = (usize, usize);
 
 /// One measured pose and what was commanded.
 #[derive(Clone, Debug)]
-pub struct Row {
+pub struct PoseRow {
     /// Index of the sample in the run.
     pub sample: usize,
     /// Number of the word among the words of these observations: rows of one word stay together.
@@ -46,7 +46,7 @@ pub struct Row {
 #[derive(Clone, Debug)]
 pub struct Observations {
     /// The rows.
-    pub rows: Vec<Row>,
+    pub rows: Vec<PoseRow>,
     /// How many different words they have.
     pub n_groups: usize,
     /// The components of a twist that the arm moves along.
@@ -83,7 +83,7 @@ impl Observations {
         let histories = histories(arm, run);
         let mut rows = Vec::new();
         for ((sample, s), history) in run.samples.iter().enumerate().zip(histories).filter(|(of, _)| choose(of)) {
-            rows.push(Row {
+            rows.push(PoseRow {
                 time_s: s.time_s - start_s,
                 switches: history.switches,
                 dwell_s: history.switched_s.iter().map(|switched_s| s.time_s - switched_s).collect(),
@@ -155,7 +155,7 @@ impl Observations {
     ///
     /// The model has no pose under the conditions of a row.
     pub fn predicted(&self, model: &ArmModel, scratch: &mut ArmScratch) -> Result<Vec<Pose<f64>>, NoPose> {
-        let of = |row: &Row| {
+        let of = |row: &PoseRow| {
             model.predict(&self.condition(row), scratch).map_err(|error| NoPose { sample: row.sample, error })
         };
         self.rows.iter().map(of).collect()
@@ -169,7 +169,7 @@ impl Observations {
     }
 
     /// The residual of one row, in units of the noise, when the tool is predicted there.
-    pub fn residual(&self, row: &Row, predicted: &Pose<f64>) -> impl Iterator<Item = f64> {
+    pub fn residual(&self, row: &PoseRow, predicted: &Pose<f64>) -> impl Iterator<Item = f64> {
         let twist = (row.inverse * *predicted).log().to_vector();
         self.axes.iter().map(move |&axis| twist[axis] / self.sigma[axis])
     }
@@ -184,7 +184,7 @@ impl Observations {
         self.turned(residuals, |row, v| row.inverse.rotation * v)
     }
 
-    fn turned(&self, residuals: &[f64], turn: impl Fn(&Row, Vec3<f64>) -> Vec3<f64>) -> Vec<f64> {
+    fn turned(&self, residuals: &[f64], turn: impl Fn(&PoseRow, Vec3<f64>) -> Vec3<f64>) -> Vec<f64> {
         let rows = self.rows.iter().zip(residuals.chunks(self.axes.len()));
         rows.flat_map(|(row, parts)| self.turned_row(parts, |v| turn(row, v))).collect()
     }
@@ -222,7 +222,7 @@ impl Observations {
     }
 
     /// Word, the word that the arm came from, and conditions of a row.
-    pub fn condition<'a>(&self, row: &'a Row) -> Condition<'a, f64> {
+    pub fn condition<'a>(&self, row: &'a PoseRow) -> Condition<'a, f64> {
         Condition {
             word: row.word,
             previous: row.previous,

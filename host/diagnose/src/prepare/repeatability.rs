@@ -21,7 +21,7 @@ const FAR_OFF: f64 = 0.01;
 
 /// The scatter of repeated conditions.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Noise {
+pub struct PoseRepeatability {
     /// Standard deviation of each component of a twist, rad and m; 1e-12 where the arm does not move.
     pub sigma: [f64; 6],
     /// Repeats less groups: what the standard deviations rest on.
@@ -32,7 +32,7 @@ pub struct Noise {
     pub is_rounded: bool,
 }
 
-impl Noise {
+impl PoseRepeatability {
     /// Whether it rests on enough repeats to weigh measurements by it.
     pub(crate) fn is_known(&self) -> bool {
         self.dof >= MIN_DOF
@@ -42,7 +42,7 @@ impl Noise {
 /// The noise by repeated conditions; `None` where nothing is repeated.
 ///
 /// Repeats that are far off by a first estimate, which rests on medians, do not count in the second.
-pub fn repeated(arm: &Arm, run: &Run) -> Option<Noise> {
+pub fn repeated(arm: &Arm, run: &Run) -> Option<PoseRepeatability> {
     let training: Vec<&Sample> = run.training().map(|(_, sample)| sample).collect();
     let groups = groups(&training);
     if groups.is_empty() {
@@ -73,7 +73,7 @@ pub fn repeated(arm: &Arm, run: &Run) -> Option<Noise> {
         let repeated = squares.map(|sum| sum / dof as f64);
         let variance = with_rounding(repeated);
         let is_rounded = axes.iter().any(|&axis| variance[axis] > 2.0 * repeated[axis]);
-        Noise { is_rounded, ..of_variance(arm, variance, dof) }
+        PoseRepeatability { is_rounded, ..of_variance(arm, variance, dof) }
     })
 }
 
@@ -101,7 +101,7 @@ fn minus(a: &[f64; 6], b: &[f64; 6]) -> [f64; 6] {
 }
 
 /// The noise with these variances of the components of a twist.
-pub fn of_variance(arm: &Arm, variance: [f64; 6], dof: usize) -> Noise {
+pub fn of_variance(arm: &Arm, variance: [f64; 6], dof: usize) -> PoseRepeatability {
     let mut sigma = [1e-12; 6];
     let mut distance = 0.0;
     for &axis in axes(arm) {
@@ -109,12 +109,12 @@ pub fn of_variance(arm: &Arm, variance: [f64; 6], dof: usize) -> Noise {
         let scale = if axis < 3 { arm.length_scale_m } else { 1.0 };
         distance += variance[axis] * scale * scale;
     }
-    Noise { sigma, dof, distance_m: distance.sqrt(), is_rounded: false }
+    PoseRepeatability { sigma, dof, distance_m: distance.sqrt(), is_rounded: false }
 }
 
 /// The noise that residuals would be of, if they were noise alone: by the median of their sizes, so that rows which are
 /// far off do not count.
-pub fn of_residuals(arm: &Arm, observations: &Observations, residuals: &[f64]) -> Noise {
+pub fn of_residuals(arm: &Arm, observations: &Observations, residuals: &[f64]) -> PoseRepeatability {
     let mut variance = [0.0; 6];
     for (k, &axis) in observations.axes.iter().enumerate() {
         let sizes = residuals.iter().skip(k).step_by(observations.n_axes()).map(|r| r.abs());

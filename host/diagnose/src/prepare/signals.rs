@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::prepare::column_reading::ColumnReading;
 use crate::prepare::damaged_cells;
 pub use crate::prepare::error::PrepareError;
-use crate::prepare::groups::Row;
+use crate::prepare::groups::SignalRow;
 use crate::prepare::sampling::{self, Sampling};
 use crate::prepare::table_findings::{check_times, constant, first_not_a_number, leave_out_gaps, units};
 use crate::prepare::thinning::one_of_each_part;
@@ -51,7 +51,7 @@ pub struct Preparation {
 /// A table made ready. Channels have one number a row that is kept.
 pub struct Prepared {
     /// The rows that are kept.
-    pub rows: Vec<Row>,
+    pub rows: Vec<SignalRow>,
     /// When, s.
     pub time_s: Vec<f64>,
     /// The stretch of each row.
@@ -126,7 +126,7 @@ impl Prepared {
         for &row in &kept {
             let key = keys.as_ref().map(|keys| keys[row]);
             let (line, time_s, series, motion) = (table.lines[row], time_s[row], series[row], motions[row]);
-            rows.push(Row { line, time_s, series, motion, key, held_out: is_held_out[row] });
+            rows.push(SignalRow { line, time_s, series, motion, key, held_out: is_held_out[row] });
         }
         let filter = how.lowpass_hz.map(|corner| low_pass(corner, sampling.rate_hz())).transpose()?;
         let fresh = how.interpolate.as_deref().map(|name| table.flags(name)).transpose()?;

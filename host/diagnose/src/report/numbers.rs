@@ -1,6 +1,6 @@
 //! Numbers as people read them: with their units, and with as many digits as their uncertainty gives them.
 
-use crate::outcome::{Number, Value};
+use crate::outcome::{EffectValue, Number};
 
 /// Decimals beyond which a number is written with an exponent.
 const MAX_DECIMALS: i32 = 6;
@@ -19,7 +19,7 @@ pub fn with_interval(value: f64, [low, high]: [f64; 2]) -> [String; 3] {
 }
 
 /// A value in the unit that a person reads.
-pub fn shown(of: &Value, value: f64) -> String {
+pub fn shown(of: &EffectValue, value: f64) -> String {
     match &of.unit[..] {
         "m" => with_unit(value, "m"),
         "rad" => with_unit(value, "rad"),
@@ -31,7 +31,7 @@ pub fn shown(of: &Value, value: f64) -> String {
 }
 
 /// A value with its name for a sentence, and from what it changes: `mass 1.2000 → 1.3000 kg`.
-pub(crate) fn named(of: &Value) -> String {
+pub(crate) fn named(of: &EffectValue) -> String {
     let (factor, unit) = match &of.unit[..] {
         "m" => (1e3, " mm".to_owned()),
         "rad" => (1f64.to_degrees(), "°".to_owned()),
@@ -97,12 +97,17 @@ pub fn chance(p: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::{named, with_interval};
-    use crate::outcome::Value;
+    use crate::outcome::EffectValue;
 
     #[test]
     fn a_value_has_one_unit_in_sentences_and_tables() {
-        let value =
-            |unit: &str, nominal| Value { name: "lag".into(), value: 4.108e-4, unit: unit.into(), ci95: None, nominal };
+        let value = |unit: &str, nominal| EffectValue {
+            name: "lag".into(),
+            value: 4.108e-4,
+            unit: unit.into(),
+            ci95: None,
+            nominal,
+        };
         assert_eq!(named(&value("m", None)), "lag 0.4108 mm");
         assert_eq!(named(&value("m", Some(1e-3))), "lag 1.0000 → 1.4108 mm");
         assert_eq!(named(&value("N", None)), "lag 4.108e-4 N");

@@ -6,7 +6,7 @@ use crate::judge::selected::SelectedSignals;
 use crate::least_squares::size;
 use crate::linearise::experiment::{Axis, Experiment};
 use crate::outcome::{AxisFigure, BeforeAfter, ErrorFigure, Errors, Number, Outlier, Point, Rows};
-use crate::prepare::groups::Row;
+use crate::prepare::groups::SignalRow;
 use crate::report::Summary;
 use crate::select::problem::RegressionProblem as _;
 use darm_measure::{root_mean_square, without_farthest};
@@ -82,7 +82,7 @@ fn outliers(selected: &SelectedSignals) -> Vec<Outlier> {
 fn points(experiment: &Experiment, after: &[f64]) -> Vec<Point> {
     let n_axes = experiment.axes.len();
     let every = experiment.rows.len().div_ceil(MAX_ROWS).max(1);
-    let point = |(k, row): (usize, &Row)| Point {
+    let point = |(k, row): (usize, &SignalRow)| Point {
         time_s: row.time_s,
         held_out: row.held_out,
         before: experiment.residuals[k * n_axes..(k + 1) * n_axes].to_vec(),

@@ -2,7 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use crate::outcome::{AxisFigure, Diagnosis, Effect, ErrorFigure, NextMeasurement, SelectionStep, Structure, Value};
+use crate::outcome::{
+    AxisFigure, Diagnosis, Effect, EffectValue, ErrorFigure, NextMeasurement, SelectionStep, Structure,
+};
 use maud::{Markup, html};
 
 use super::numbers::{chance, short, shown, with_unit};
@@ -248,6 +250,6 @@ fn reason(d: &Diagnosis, tried: &SelectionStep) -> String {
 }
 
 /// What the model has after a change; other values as they are.
-fn to(value: &Value, size: f64) -> f64 {
+fn to(value: &EffectValue, size: f64) -> f64 {
     value.nominal.map_or(size, |from| from + size)
 }

@@ -13,7 +13,7 @@ const MIN_WORDS: usize = 8;
 
 /// A step of a model: which of the values that are fitted are its own, and what it does.
 #[derive(Clone)]
-pub(super) struct Step {
+pub(super) struct FittedStep {
     pub(super) values: Vec<usize>,
     /// Derivatives of the residuals by these values for a step that is there from the start.
     pub(super) always: Vec<Vec<f64>>,
@@ -21,7 +21,7 @@ pub(super) struct Step {
     pub(super) sizes: Vec<f64>,
 }
 
-impl Step {
+impl FittedStep {
     /// Residuals without the step; `columns` are those of the fit.
     pub(super) fn taken_from(&self, columns: &[Vec<f64>], residuals: &[f64]) -> Vec<f64> {
         let own: Vec<Vec<f64>> = self.values.iter().map(|&value| columns[value].clone()).collect();

@@ -8,7 +8,7 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
-use super::change_point::{Step, change_point, since};
+use super::change_point::{FittedStep, change_point, since};
 use crate::least_squares::{Linear, REWEIGHTINGS, moved, weights};
 use crate::prepare::groups::FOLDS;
 use crate::prepare::observations::Observations;
@@ -30,7 +30,7 @@ pub(super) fn cross_validated(
     residuals: &[f64],
     observations: &Observations,
     folds: &[usize],
-    steps: &[Step],
+    steps: &[FittedStep],
 ) -> Vec<f64> {
     let n_axes = observations.n_axes();
     if columns.is_empty() {
@@ -63,7 +63,7 @@ pub(super) fn cross_validated(
 fn with_moments(
     linear: &Linear,
     observations: &Observations,
-    steps: &[Step],
+    steps: &[FittedStep],
     counts: &[f64],
 ) -> (Vec<Vec<f64>>, Vec<f64>) {
     let mut columns = linear.columns.to_vec();

@@ -14,7 +14,7 @@ use rayon::prelude::{
 
 use super::normal_equations::System;
 use super::problem::{Trial, Weighted};
-use super::signals::{Fit, Move, Signals};
+use super::signals::{Move, SignalFit, Signals};
 use crate::progress::Cancelled;
 
 /// A model, factorised under a weighting.
@@ -138,7 +138,7 @@ impl<'a> Factored<'a> {
             let (effect, added) = &moves[number];
             let moved: Vec<&[f64]> = folds.iter().map(|fold| &fold[number][..]).collect();
             let active = [&self.active[..], added].concat();
-            let fit = Fit { active, values: extension.values(&places[number]) };
+            let fit = SignalFit { active, values: extension.values(&places[number]) };
             Ok(self.weighted.trial(fit, Some(*effect), &moved))
         };
         (0..moves.len()).into_par_iter().map(model).collect()
@@ -157,7 +157,7 @@ impl<'a> Factored<'a> {
         let moved: Vec<Vec<f64>> =
             values.par_iter().enumerate().map(|(fold, values)| columns.moved(fold, values)).collect();
         let moved: Vec<&[f64]> = moved.iter().map(Vec::as_slice).collect();
-        self.weighted.trial(Fit { active, values: of_all_rows }, effect, &moved)
+        self.weighted.trial(SignalFit { active, values: of_all_rows }, effect, &moved)
     }
 
     fn extension<'b>(&'b self, number: usize, open: &'b [usize]) -> Extension<'b> {

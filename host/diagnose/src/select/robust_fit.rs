@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::least_squares::{Linear, REWEIGHTINGS, condition_of, losses, normal, solve_determined, weights};
 use crate::linearise::sensitivity::Sensitivity;
-use crate::prepare::observations::{NoPose, Observations, Value};
+use crate::prepare::observations::{NoPose, Observations, ValueIndex};
 use darm_arm::arm::{ArmModel, ArmScratch};
 
 /// Gauss–Newton steps at most.
@@ -16,11 +16,11 @@ const STEPS: usize = 12;
 
 /// The residuals of a model at the values that fit best, and how they change with these values.
 #[derive(Clone, Debug)]
-pub struct Fit {
+pub struct PoseFit {
     /// The model with its values set.
     pub model: ArmModel,
     /// The values that were fitted.
-    pub values: Vec<Value>,
+    pub values: Vec<ValueIndex>,
     /// Residuals in units of the noise.
     pub residuals: Vec<f64>,
     /// Their derivatives with respect to the values.
@@ -37,9 +37,9 @@ pub struct Fit {
 pub fn fit(
     model: &ArmModel,
     observations: &Observations,
-    values: &[Value],
+    values: &[ValueIndex],
     scratch: &mut ArmScratch,
-) -> Result<Fit, NoPose> {
+) -> Result<PoseFit, NoPose> {
     let n_axes = observations.n_axes();
     let all = vec![1.0; observations.rows.len()];
     let mut best = at(registered(model, observations, values, scratch)?, observations, values, scratch)?;
@@ -68,7 +68,7 @@ pub fn fit(
 fn registered(
     model: &ArmModel,
     observations: &Observations,
-    values: &[Value],
+    values: &[ValueIndex],
     scratch: &mut ArmScratch,
 ) -> Result<ArmModel, NoPose> {
     let is_fitted = |effect: usize| values.iter().any(|value| value.0 == effect);
@@ -90,7 +90,7 @@ fn registered(
 
 /// The model after a step that lowers the loss, halved until it does, and that loss.
 fn descend(
-    fit: &Fit,
+    fit: &PoseFit,
     mut step: DVector<f64>,
     loss: f64,
     observations: &Observations,
@@ -113,10 +113,15 @@ fn descend(
 }
 
 /// Residuals and derivatives of a model at its values.
-fn at(model: ArmModel, observations: &Observations, values: &[Value], scratch: &mut ArmScratch) -> Result<Fit, NoPose> {
+fn at(
+    model: ArmModel,
+    observations: &Observations,
+    values: &[ValueIndex],
+    scratch: &mut ArmScratch,
+) -> Result<PoseFit, NoPose> {
     if values.is_empty() {
         let residuals = observations.residuals(&model, scratch)?;
-        return Ok(Fit { model, values: Vec::new(), residuals, columns: Vec::new() });
+        return Ok(PoseFit { model, values: Vec::new(), residuals, columns: Vec::new() });
     }
     let sensitivity = Sensitivity::new(&model, observations, scratch)?;
     let observed = values.iter().filter_map(|&(effect, value)| {
@@ -125,7 +130,7 @@ fn at(model: ArmModel, observations: &Observations, values: &[Value], scratch: &
     });
     let (values, columns) = observed.unzip();
     let residuals = sensitivity.into_residuals();
-    Ok(Fit { model, values, residuals, columns })
+    Ok(PoseFit { model, values, residuals, columns })
 }
 
 /// The covariance of fitted values by the jackknife: how far they go when a group is left out, all its rows together, so
@@ -133,7 +138,7 @@ fn at(model: ArmModel, observations: &Observations, values: &[Value], scratch: &
 /// `n_groups`.
 ///
 /// Source: R. M. Bell, D. F. McCaffrey, Survey Methodology 28 (2002) 169.
-pub fn covariance(fit: &Fit, groups: &[usize], n_groups: usize) -> DMatrix<f64> {
+pub fn covariance(fit: &PoseFit, groups: &[usize], n_groups: usize) -> DMatrix<f64> {
     let n_axes = fit.residuals.len() / groups.len().max(1);
     let row_weights = weights(&fit.residuals, n_axes);
     let (information, _) = normal(&fit.columns, &fit.residuals, &row_weights);
@@ -156,7 +161,7 @@ pub fn covariance(fit: &Fit, groups: &[usize], n_groups: usize) -> DMatrix<f64> 
 }
 
 /// The condition number of the information about the fitted values.
-pub fn condition(fit: &Fit, observations: &Observations) -> f64 {
+pub fn condition(fit: &PoseFit, observations: &Observations) -> f64 {
     let row_weights = weights(&fit.residuals, observations.n_axes());
     condition_of(&normal(&fit.columns, &fit.residuals, &row_weights).0)
 }

@@ -73,7 +73,7 @@ mod tests {
     use crate::effect::{LawName, Place, Site};
     use crate::linearise::experiment::{Axis, Candidate, Curvature, Experiment};
     use crate::measured::Measured;
-    use crate::prepare::groups::{Groups, Row};
+    use crate::prepare::groups::{Groups, SignalRow};
     use crate::progress::{Cancelled, Progress};
 
     const ROWS: usize = 600;
@@ -100,7 +100,7 @@ mod tests {
             let moved = |k: usize| all_columns.iter().zip(values).map(|(column, value)| column[k] * value).sum::<f64>();
             ((0..ROWS).map(|k| measured[k] + moved(k)).collect(), all_columns.clone())
         };
-        let row = |k: usize| Row { line: k, time_s: k as f64, series: 0, motion: 0, key: None, held_out: false };
+        let row = |k: usize| SignalRow { line: k, time_s: k as f64, series: 0, motion: 0, key: None, held_out: false };
         let experiment = Experiment {
             kind: Measured::JointTorque,
             axes: vec![Axis::new("1", "N·m")],

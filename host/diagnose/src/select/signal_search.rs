@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::factored::{Factored, judged};
 use super::problem::{CandidateName, Loss, Neighbours, Policy, RegressionProblem, Trial, Weighted};
-use super::signals::{Fit, Move, NEGLIGIBLE_LOSS, Signals, Weighting, in_noise};
+use super::signals::{Move, NEGLIGIBLE_LOSS, SignalFit, Signals, Weighting, in_noise};
 use super::significance::{DISCOVERY_LEVEL, LossReduction, SIGNAL_RIVAL_LEVEL, paired_t_test};
 use crate::progress::{Cancelled, Progress};
 
@@ -20,12 +20,12 @@ const MAX_REFITS: usize = 3;
 const MAX_TO_EXCHANGE: usize = 1200;
 
 /// A model whose neighbours are to be computed, factorised.
-pub struct Neighbourhood<'a> {
+pub struct SignalNeighbourhood<'a> {
     factored: Factored<'a>,
-    fit: &'a Fit,
+    fit: &'a SignalFit,
 }
 
-impl Neighbours<Signals> for Neighbourhood<'_> {
+impl Neighbours<Signals> for SignalNeighbourhood<'_> {
     fn with_one_more(&self) -> Result<Vec<Trial<Signals>>, Cancelled> {
         let problem = self.factored.weighted.problem;
         let open: Vec<(Move, Vec<usize>)> =
@@ -67,9 +67,9 @@ impl Signals {
 
 impl RegressionProblem for Signals {
     type Effect = Move;
-    type Fit = Fit;
+    type Fit = SignalFit;
     type Weighting = Weighting;
-    type Neighbours<'a> = Neighbourhood<'a>;
+    type Neighbours<'a> = SignalNeighbourhood<'a>;
     type Error = Cancelled;
 
     fn policy(&self) -> Policy {
@@ -87,11 +87,11 @@ impl RegressionProblem for Signals {
         &self.progress
     }
 
-    fn n_effects(&self, fit: &Fit) -> usize {
+    fn n_effects(&self, fit: &SignalFit) -> usize {
         fit.active.len()
     }
 
-    fn n_values(&self, fit: &Fit) -> usize {
+    fn n_values(&self, fit: &SignalFit) -> usize {
         self.indices(&fit.active).len()
     }
 
@@ -126,8 +126,11 @@ impl RegressionProblem for Signals {
         Ok(best)
     }
 
-    fn neighbours<'a>(&'a self, model: &'a Trial<Self>) -> Result<Neighbourhood<'a>, Cancelled> {
-        Ok(Neighbourhood { factored: Factored::new(self.under(model), model.fit.active.clone())?, fit: &model.fit })
+    fn neighbours<'a>(&'a self, model: &'a Trial<Self>) -> Result<SignalNeighbourhood<'a>, Cancelled> {
+        Ok(SignalNeighbourhood {
+            factored: Factored::new(self.under(model), model.fit.active.clone())?,
+            fit: &model.fit,
+        })
     }
 
     /// Where the residuals are linear, a linear fit is a full one.
@@ -168,7 +171,7 @@ impl RegressionProblem for Signals {
 }
 
 /// The candidates that a move adds to a model; `None` where it adds nothing, or where another move adds the same.
-fn added(problem: &Signals, one: Move, fit: &Fit) -> Option<Vec<usize>> {
+fn added(problem: &Signals, one: Move, fit: &SignalFit) -> Option<Vec<usize>> {
     let all = problem.candidates_of(one);
     let candidates = &problem.experiment.candidates;
     let added: Vec<usize> = match all {

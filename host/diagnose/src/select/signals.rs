@@ -15,7 +15,7 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::{IntoParallelIterator as _, ParallelIterator as _};
 
-use super::columns::Columns;
+use super::design_matrix::DesignMatrix;
 use super::normal_equations::{System, solve_with_ridge};
 use super::problem::{Trial, Weighted};
 use crate::effect::LawName;
@@ -33,7 +33,7 @@ const TRIMMED: usize = 100;
 
 /// A model: which candidates are in it, and its values.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Fit {
+pub struct SignalFit {
     /// The candidates, in the order in which they were added.
     pub active: Vec<usize>,
     /// The values of all candidates, zero where one is not in the model.
@@ -72,7 +72,7 @@ pub struct Signals {
 /// Residuals and columns of the training rows near a model.
 #[derive(Debug)]
 pub(super) struct Linearised {
-    pub(super) columns: Arc<Columns>,
+    pub(super) columns: Arc<DesignMatrix>,
     /// Residuals where all values are zero, as far as they are linear.
     pub(super) zero: Vec<f64>,
 }
@@ -140,7 +140,7 @@ impl Signals {
         let values = || experiment.candidates.iter().flat_map(|candidate| &candidate.values);
         let columns: Vec<&[f64]> = values().map(|value| &value.column[..]).collect();
         let linearised = Linearised {
-            columns: Arc::new(Columns::new(&groups, n_axes, &columns)),
+            columns: Arc::new(DesignMatrix::new(&groups, n_axes, &columns)),
             zero: training(&groups, n_axes, &experiment.residuals),
         };
         Self {
@@ -162,7 +162,7 @@ impl Signals {
 
     /// The model with these candidates, not fitted yet, without a weighting that it could be compared under.
     pub fn start(&self, active: Vec<usize>) -> Trial<Self> {
-        let fit = Fit { active, values: vec![0.0; self.n_values] };
+        let fit = SignalFit { active, values: vec![0.0; self.n_values] };
         let weighting = Arc::new(Weighting {
             sigma: vec![1.0; self.experiment.axes.len()],
             autocorrelation_time: 1.0,
@@ -195,7 +195,7 @@ impl Signals {
     }
 
     /// Residuals of the training rows, of a model.
-    pub(crate) fn training_residuals(&self, fit: &Fit) -> Vec<f64> {
+    pub(crate) fn training_residuals(&self, fit: &SignalFit) -> Vec<f64> {
         self.training_rows(&self.experiment.at(&fit.values))
     }
 
@@ -219,7 +219,7 @@ impl Signals {
             Curvature::Relinearise(relinearise) => {
                 let (residuals, columns) = relinearise(values);
                 let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
-                let columns = Columns::new(&self.groups, self.experiment.axes.len(), &columns);
+                let columns = DesignMatrix::new(&self.groups, self.experiment.axes.len(), &columns);
                 let moved = columns.moved_all(values);
                 let zero = self.training_rows(&residuals).iter().zip(&moved).map(|(own, moved)| own - moved).collect();
                 Arc::new(Linearised { columns: Arc::new(columns), zero })
@@ -302,7 +302,7 @@ fn mean_square(mut squares: Vec<f64>, by_median: bool) -> f64 {
 
 impl Weighted<'_, Signals> {
     /// Residuals of the training rows in units of the noise, of a model.
-    pub fn training_residuals(&self, fit: &Fit) -> Vec<f64> {
+    pub fn training_residuals(&self, fit: &SignalFit) -> Vec<f64> {
         in_noise(self.problem.training_residuals(fit), &self.weighting.sigma)
     }
 
@@ -327,7 +327,7 @@ impl Weighted<'_, Signals> {
     }
 
     /// A model with its values, and what those of the other folds add in the rows of each.
-    pub(super) fn trial(&self, fit: Fit, effect: Option<Move>, moved: &[&[f64]]) -> Trial<Signals> {
+    pub(super) fn trial(&self, fit: SignalFit, effect: Option<Move>, moved: &[&[f64]]) -> Trial<Signals> {
         let Linearised { columns, zero } = &*self.weighting.linearised;
         let mut unseen_residuals = vec![0.0; zero.len()];
         moved.iter().enumerate().for_each(|(fold, moved)| columns.put(fold, moved, &mut unseen_residuals));
@@ -336,13 +336,18 @@ impl Weighted<'_, Signals> {
     }
 
     /// A model that is compared by these residuals of the training rows.
-    pub(crate) fn with_residuals(&self, fit: Fit, effect: Option<Move>, unseen_residuals: Vec<f64>) -> Trial<Signals> {
+    pub(crate) fn with_residuals(
+        &self,
+        fit: SignalFit,
+        effect: Option<Move>,
+        unseen_residuals: Vec<f64>,
+    ) -> Trial<Signals> {
         let error = self.problem.norm(&unseen_residuals);
         Trial { effect, fit, unseen_residuals, weighting: Arc::clone(self.weighting), error }
     }
 
     /// The values of a model that fit all training rows best.
-    pub(crate) fn least_squares(&self, active: Vec<usize>) -> Fit {
+    pub(crate) fn least_squares(&self, active: Vec<usize>) -> SignalFit {
         let indices = self.problem.indices(&active);
         let (information, gradient) = self.equations(&indices);
         let mut values = vec![0.0; self.problem.n_values];
@@ -350,7 +355,7 @@ impl Weighted<'_, Signals> {
             .iter()
             .zip(solve_with_ridge(information, &gradient).iter())
             .for_each(|(&index, value)| values[index] = -value);
-        Fit { active, values }
+        SignalFit { active, values }
     }
 }
 

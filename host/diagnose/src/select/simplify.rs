@@ -16,7 +16,7 @@ use nalgebra::{Cholesky, DVector, Dyn};
 use super::factored::{Factored, judged};
 use super::forward::rivals;
 use super::problem::{RegressionProblem as _, Trial, Weighted};
-use super::signals::{Fit, Signals};
+use super::signals::{SignalFit, Signals};
 use super::significance::RIVAL_LEVEL;
 use crate::effect::Place;
 use crate::least_squares::pseudo_inverse;
@@ -36,7 +36,7 @@ pub(super) fn simpler_of<'t>(problem: &Signals, a: &'t Trial<Signals>, b: &'t Tr
     let under = problem.under(a);
     let (low, high) = if under.is_lower(b, a) { (b, a) } else { (a, b) };
     let is_smaller = problem.n_values(&high.fit) < problem.n_values(&low.fit);
-    let is_free = |fit: &Fit| !fit.active.iter().any(|&k| problem.experiment.candidates[k].has_prior());
+    let is_free = |fit: &SignalFit| !fit.active.iter().any(|&k| problem.experiment.candidates[k].has_prior());
     if is_smaller && is_free(&low.fit) && !under.predicts_better(low, high, RIVAL_LEVEL) { high } else { low }
 }
 
@@ -223,7 +223,7 @@ mod tests {
     use crate::linearise::experiment::{Axis, Candidate, Curvature, Experiment};
     use crate::measured::Measured;
     use crate::prepare::groups::Groups;
-    use crate::prepare::groups::Row;
+    use crate::prepare::groups::SignalRow;
 
     const ROWS: usize = 600;
 
@@ -235,7 +235,7 @@ mod tests {
         let speeds = |k: usize| [(k as f64 * 0.11).sin(), (k as f64 * 0.07 + 1.0).cos()];
         let noise = |k: usize| 0.02 * ((k * 7919 % 1013) as f64 / 1013.0 - 0.5);
         let column = |of: &dyn Fn([f64; 2]) -> [f64; 2]| (0..ROWS).flat_map(|k| of(speeds(k))).collect::<Vec<f64>>();
-        let row = |k: usize| Row { line: k, time_s: k as f64, series: 0, motion: 0, key: None, held_out: false };
+        let row = |k: usize| SignalRow { line: k, time_s: k as f64, series: 0, motion: 0, key: None, held_out: false };
         let all = candidates
             .iter()
             .map(|(law, place, of)| Candidate::one(*law, Site::new(*place, "here"), ("size", "N·m"), column(of)));

@@ -8,13 +8,13 @@ use darm_core::model::MAX_EFFECTS;
 use super::change_point;
 use super::cross_validation::cross_validated;
 use super::problem::{CandidateName, Loss, Neighbours, Policy, RegressionProblem, Trial};
-use super::robust_fit::{Fit, fit};
+use super::robust_fit::{PoseFit, fit};
 use super::significance::{Levels, LossReduction, RIVAL_LEVEL, clustered_t_test};
 use crate::effect::Place;
 use crate::least_squares::losses;
 use crate::linearise::arm_candidates::{self, beginning};
 use crate::linearise::sensitivity::Sensitivity;
-use crate::prepare::observations::{NoPose, Observations, Value};
+use crate::prepare::observations::{NoPose, Observations, ValueIndex};
 use crate::progress::{Cancelled, Progress};
 use darm_arm::arm::{ArmModel, ArmScratch};
 use darm_measure::root_mean_square;
@@ -44,7 +44,7 @@ impl From<Cancelled> for NoTrial {
 }
 
 /// Standard deviation of each component of a twist, rad and m.
-pub type Noise = [f64; 6];
+pub type AxisNoise = [f64; 6];
 
 /// Poses that fits see, and poses that judge.
 #[derive(Debug)]
@@ -63,7 +63,7 @@ pub struct ToolPoses {
 }
 
 /// The values of all effects of a model.
-pub fn values(model: &ArmModel) -> Vec<Value> {
+pub fn values(model: &ArmModel) -> Vec<ValueIndex> {
     let effects = model.effects.iter().enumerate();
     effects.flat_map(|(k, effect)| (0..effect.values().len()).map(move |value| (k, value))).collect()
 }
@@ -91,7 +91,7 @@ impl ToolPoses {
     }
 
     /// The same rows in units of another noise.
-    pub fn with_noise(self, sigma: Noise) -> Self {
+    pub fn with_noise(self, sigma: AxisNoise) -> Self {
         let (training, held_out) = (self.training.with_noise(sigma), self.held_out.with_noise(sigma));
         Self { training, held_out, ..self }
     }
@@ -110,7 +110,7 @@ impl ToolPoses {
     }
 
     /// The steps among the effects of a model, as cross-validation needs them.
-    fn steps(&self, fit: &Fit) -> Result<Vec<change_point::Step>, NoPose> {
+    fn steps(&self, fit: &PoseFit) -> Result<Vec<change_point::FittedStep>, NoPose> {
         if !has_step(&fit.model) {
             return Ok(Vec::new());
         }
@@ -124,12 +124,12 @@ impl ToolPoses {
         current: &Trial<Self>,
         effect: &Effect<f64>,
         sensitivity: &Sensitivity,
-        current_steps: &[change_point::Step],
+        current_steps: &[change_point::FittedStep],
     ) -> Option<Trial<Self>> {
         let mut model = current.fit.model.clone();
         let new = model.effects.len();
         model.effects.push(*effect).ok()?;
-        let mut fit = Fit { model, ..current.fit.clone() };
+        let mut fit = PoseFit { model, ..current.fit.clone() };
         for value in 0..effect.values().len() {
             if let Some(column) = sensitivity.column(effect, value) {
                 fit.values.push((new, value));
@@ -156,7 +156,7 @@ impl ToolPoses {
 
     /// The model with its steps at the moments that they explain most from, each beside all other effects; `None` where
     /// they are there already.
-    fn timed_again(&self, fit: &Fit) -> Result<Option<ArmModel>, NoPose> {
+    fn timed_again(&self, fit: &PoseFit) -> Result<Option<ArmModel>, NoPose> {
         let mut model = fit.model.clone();
         if !has_step(&model) {
             return Ok(None);
@@ -210,7 +210,7 @@ impl ToolPoses {
         Ok(fall.p < self.levels.confirmation || confirms_in_turn)
     }
 
-    fn judged(&self, fit: Fit, effect: Option<Effect<f64>>, steps: &[change_point::Step]) -> Trial<Self> {
+    fn judged(&self, fit: PoseFit, effect: Option<Effect<f64>>, steps: &[change_point::FittedStep]) -> Trial<Self> {
         let unseen_residuals = cross_validated(&fit.columns, &fit.residuals, &self.training, &self.folds, steps);
         let error = root_mean_square(&self.training.distances_m(&unseen_residuals));
         Trial { effect, fit, unseen_residuals, weighting: Arc::default(), error }
@@ -222,15 +222,15 @@ fn has_step(model: &ArmModel) -> bool {
 }
 
 /// The steps among the values of a fit, by the sensitivity of its model.
-fn steps(fit: &Fit, sensitivity: &Sensitivity) -> Vec<change_point::Step> {
+fn steps(fit: &PoseFit, sensitivity: &Sensitivity) -> Vec<change_point::FittedStep> {
     (0..fit.model.effects.len()).filter_map(|effect| step(fit, effect, sensitivity)).collect()
 }
 
 /// An effect of a fit as a step; `None` of one that begins at no moment, or that changes nothing.
-fn step(fit: &Fit, effect: usize, sensitivity: &Sensitivity) -> Option<change_point::Step> {
+fn step(fit: &PoseFit, effect: usize, sensitivity: &Sensitivity) -> Option<change_point::FittedStep> {
     let from_the_start = beginning(&fit.model.effects[effect], f64::NEG_INFINITY)?;
     let own = fit.values.iter().enumerate().filter(|(_, (of, _))| *of == effect);
-    let mut step = change_point::Step { values: Vec::new(), always: Vec::new(), sizes: Vec::new() };
+    let mut step = change_point::FittedStep { values: Vec::new(), always: Vec::new(), sizes: Vec::new() };
     for (value, &(_, number)) in own {
         step.values.push(value);
         step.always.push(sensitivity.column(&from_the_start, number)?);
@@ -240,12 +240,12 @@ fn step(fit: &Fit, effect: usize, sensitivity: &Sensitivity) -> Option<change_po
 }
 
 /// A model of tool poses, whose neighbours are to be computed.
-pub struct Neighbourhood<'a> {
+pub struct PoseNeighbourhood<'a> {
     problem: &'a ToolPoses,
     model: &'a Trial<ToolPoses>,
 }
 
-impl Neighbours<ToolPoses> for Neighbourhood<'_> {
+impl Neighbours<ToolPoses> for PoseNeighbourhood<'_> {
     fn with_one_more(&self) -> Result<Vec<Trial<ToolPoses>>, NoTrial> {
         let Self { problem, model } = self;
         let candidates: Vec<Effect<f64>> = arm_candidates::all(&model.fit.model)
@@ -275,9 +275,9 @@ impl Neighbours<ToolPoses> for Neighbourhood<'_> {
 
 impl RegressionProblem for ToolPoses {
     type Effect = Effect<f64>;
-    type Fit = Fit;
+    type Fit = PoseFit;
     type Weighting = ();
-    type Neighbours<'a> = Neighbourhood<'a>;
+    type Neighbours<'a> = PoseNeighbourhood<'a>;
     type Error = NoTrial;
 
     fn policy(&self) -> Policy {
@@ -295,11 +295,11 @@ impl RegressionProblem for ToolPoses {
         &self.progress
     }
 
-    fn n_effects(&self, fit: &Fit) -> usize {
+    fn n_effects(&self, fit: &PoseFit) -> usize {
         fit.model.effects.len()
     }
 
-    fn n_values(&self, fit: &Fit) -> usize {
+    fn n_values(&self, fit: &PoseFit) -> usize {
         fit.values.len()
     }
 
@@ -317,8 +317,8 @@ impl RegressionProblem for ToolPoses {
         Ok(model)
     }
 
-    fn neighbours<'a>(&'a self, model: &'a Trial<Self>) -> Result<Neighbourhood<'a>, NoTrial> {
-        Ok(Neighbourhood { problem: self, model })
+    fn neighbours<'a>(&'a self, model: &'a Trial<Self>) -> Result<PoseNeighbourhood<'a>, NoTrial> {
+        Ok(PoseNeighbourhood { problem: self, model })
     }
 
     /// A trial fitted in full; a step gets the best change point beside the other effects.

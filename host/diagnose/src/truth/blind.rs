@@ -5,7 +5,7 @@ use darm_core::se::Pose;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::measurement_plan::Step;
+use crate::measurement_plan::PlanStep;
 use crate::truth::Body;
 use crate::truth::Kind;
 use crate::truth::Occasion;
@@ -72,7 +72,7 @@ impl Blind {
     ///
     /// [`TruthError::NoPose`]: the arm has no pose for a word. [`TruthError::TooWeak`]: the arm can have no such effect, or
     /// no draw gives one that is large enough.
-    pub fn draw(arm: &Arm, steps: &[Step], kinds: &[Kind], seed: u64) -> Result<Self, TruthError> {
+    pub fn draw(arm: &Arm, steps: &[PlanStep], kinds: &[Kind], seed: u64) -> Result<Self, TruthError> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0xb11d_0000);
         let mut last = TruthError::TooWeak { kind: Kind::Nothing };
         for _ in 0..DRAWS {
@@ -84,7 +84,13 @@ impl Blind {
         Err(last)
     }
 
-    fn once(arm: &Arm, steps: &[Step], kinds: &[Kind], seed: u64, rng: &mut ChaCha8Rng) -> Result<Self, TruthError> {
+    fn once(
+        arm: &Arm,
+        steps: &[PlanStep],
+        kinds: &[Kind],
+        seed: u64,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<Self, TruthError> {
         let (model, sealed) = (&arm.model, Sealed::nothing(seed));
         let surroundings = Surroundings::draw_wide(rng, model.nominal_supply, model.reference_temperature_k);
         let mut truth = Truth { body: Body::of(arm), surroundings, mechanisms: Vec::new(), sealed };
@@ -128,7 +134,7 @@ impl Blind {
     /// # Errors
     ///
     /// The true arm has no pose for a step.
-    pub fn measure(&self, arm: &Arm, steps: &[Step], from: usize, seed: u64) -> Result<Run, ChainError> {
+    pub fn measure(&self, arm: &Arm, steps: &[PlanStep], from: usize, seed: u64) -> Result<Run, ChainError> {
         let mut run = self.truth.measure(steps, 0.0, seed)?;
         run.samples.drain(..from.min(run.samples.len()));
         let mut rng = ChaCha8Rng::seed_from_u64(seed ^ from as u64 ^ 0x5a01_0000_0000);
@@ -164,14 +170,14 @@ impl Blind {
 }
 
 /// The steps with something else at the tool every few of them.
-fn loaded(steps: &[Step], rng: &mut ChaCha8Rng) -> Vec<Step> {
+fn loaded(steps: &[PlanStep], rng: &mut ChaCha8Rng) -> Vec<PlanStep> {
     let (mut load_kg, mut left) = (0.0, 0);
-    let carry = |step: &Step| {
+    let carry = |step: &PlanStep| {
         if left == 0 {
             (load_kg, left) = (rng.random_range(LOADS_KG), rng.random_range(LOADED_STEPS));
         }
         left -= 1;
-        Step { load_kg: Some(load_kg), ..step.clone() }
+        PlanStep { load_kg: Some(load_kg), ..step.clone() }
     };
     steps.iter().map(carry).collect()
 }

@@ -8,7 +8,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use crate::measurement_plan::{Step, arrivals};
+use crate::measurement_plan::{PlanStep, arrivals};
 use crate::truth::CAMERA_M;
 use crate::truth::CAMERA_RAD;
 use crate::truth::History;
@@ -52,7 +52,7 @@ impl Truth {
     /// # Errors
     ///
     /// The true arm has no pose for a step.
-    pub fn measure(&self, steps: &[Step], start_s: f64, seed: u64) -> Result<Run, ChainError> {
+    pub fn measure(&self, steps: &[PlanStep], start_s: f64, seed: u64) -> Result<Run, ChainError> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0xca3e_7a00);
         let mut run = Run::default();
         for (visit, (step, moment)) in steps.iter().zip(self.followed(steps, start_s)).enumerate() {
@@ -76,10 +76,10 @@ impl Truth {
     }
 
     /// When each step of a measurement plan is made, and what happened before.
-    pub(crate) fn followed(&self, steps: &[Step], start_s: f64) -> Vec<Followed> {
+    pub(crate) fn followed(&self, steps: &[PlanStep], start_s: f64) -> Vec<Followed> {
         let mut history = History::default();
         let mut time_s = start_s;
-        let follow = |(step, previous): (&Step, Word)| {
+        let follow = |(step, previous): (&PlanStep, Word)| {
             time_s += if step.repeat { STEP_S / 3.0 } else { STEP_S };
             let supply = self.surroundings.at(time_s, &step.word).supply_ratio;
             history.follow(step, supply, time_s);
@@ -98,7 +98,7 @@ pub(crate) struct Followed {
 }
 
 impl Followed {
-    pub(crate) fn state<'a>(&'a self, step: &'a Step) -> TrueState<'a> {
+    pub(crate) fn state<'a>(&'a self, step: &'a PlanStep) -> TrueState<'a> {
         TrueState {
             word: step.word,
             previous: Some(self.previous),
@@ -112,7 +112,7 @@ impl Followed {
 
 impl History {
     /// Adds a step at this time under this supply, in shares of nominal.
-    fn follow(&mut self, step: &Step, supply: f64, time_s: f64) {
+    fn follow(&mut self, step: &PlanStep, supply: f64, time_s: f64) {
         self.blows.resize(step.word.len(), 0.0);
         // Before it has switched an actuator counts from the first row, as in the diagnosis.
         self.switched_s.resize(step.word.len(), time_s);

@@ -9,10 +9,10 @@ use darm_arm::arm::frames::{self, DesiredFrame, Weights};
 use darm_arm::arm::{Arm, ArmScratch};
 use darm_arm::synthesis::{self, synthesize};
 use darm_core::se::Pose2;
-use darm_diagnose::diagnosis::Options;
+use darm_diagnose::diagnosis::PoseOptions;
 use darm_diagnose::diagnosis::diagnose;
 use darm_diagnose::effect::Effect;
-use darm_diagnose::measurement_plan::{self, Step, plan};
+use darm_diagnose::measurement_plan::{self, PlanStep, plan};
 use darm_diagnose::outcome::{Diagnosis, Verdict};
 use darm_diagnose::truth::{Kind, Sealed, Truth};
 
@@ -33,11 +33,11 @@ struct Case {
     sealed: Sealed,
 }
 
-fn case((arm, desired): &(Arm, Vec<DesiredFrame>), steps: &[Step], kind: Kind, seed: u64) -> Case {
+fn case((arm, desired): &(Arm, Vec<DesiredFrame>), steps: &[PlanStep], kind: Kind, seed: u64) -> Case {
     let truth = Truth::draw(arm, desired, seed, Some(kind)).unwrap();
     let run = truth.measure(steps, 0.0, seed).unwrap();
     let started = Instant::now();
-    let diagnosis = diagnose(arm, &run, &Options { seed, ..Options::default() }).unwrap().diagnosis;
+    let diagnosis = diagnose(arm, &run, &PoseOptions { seed, ..PoseOptions::default() }).unwrap().diagnosis;
     let case = Case { diagnosis, sealed: truth.unseal().clone() };
     eprintln!("{} ({:.2} s)", case.line(), started.elapsed().as_secs_f64());
     case
@@ -83,7 +83,7 @@ impl Case {
 
 /// One true arm for each effect, and one without.
 fn sample(drawn: &(Arm, Vec<DesiredFrame>), kinds: &[Kind]) {
-    let steps = plan(&drawn.0, &measurement_plan::Options::default());
+    let steps = plan(&drawn.0, &measurement_plan::PlanOptions::default());
     for kind in kinds {
         let case = case(drawn, &steps, *kind, SEED);
         assert!(case.placed() && case.ratio() < 1.3, "{}", case.line());
@@ -96,7 +96,7 @@ fn sample(drawn: &(Arm, Vec<DesiredFrame>), kinds: &[Kind]) {
 #[test]
 fn rounding_is_noise_and_depends_on_the_word() {
     let drawn = arm(include_str!("../../../../examples/planar4.toml"));
-    let steps = plan(&drawn.0, &measurement_plan::Options::default());
+    let steps = plan(&drawn.0, &measurement_plan::PlanOptions::default());
     let rounded = |kind: Kind, position_m: f64, angle_deg: f64| {
         let truth = Truth::draw(&drawn.0, &drawn.1, SEED, Some(kind)).unwrap();
         let mut run = truth.measure(&steps, 0.0, SEED).unwrap();
@@ -106,7 +106,7 @@ fn rounding_is_noise_and_depends_on_the_word() {
             let angle_deg = round(sample.pose.log().angular.z.to_degrees(), angle_deg);
             sample.pose = Pose2::new(x, y, angle_deg.to_radians()).into();
         }
-        diagnose(&drawn.0, &run, &Options { seed: SEED, ..Options::default() }).unwrap().diagnosis
+        diagnose(&drawn.0, &run, &PoseOptions { seed: SEED, ..PoseOptions::default() }).unwrap().diagnosis
     };
     for step_m in [1e-3, 5e-4] {
         let clean = rounded(Kind::Nothing, step_m, 0.1);

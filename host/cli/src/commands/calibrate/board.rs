@@ -9,7 +9,7 @@ use darm_arm::table_file::TableFile;
 use darm_arm::wired_arm::WiredArm;
 use darm_device::client::Client;
 use darm_diagnose::calibrate::Station;
-use darm_diagnose::measurement_plan::Step;
+use darm_diagnose::measurement_plan::PlanStep;
 use darm_measure::Sample;
 use darm_measure::visit_table::{PlannedVisit, VisitTable};
 
@@ -88,7 +88,7 @@ impl Board<'_> {
 impl Station for Board<'_> {
     type Error = anyhow::Error;
 
-    fn measure(&mut self, steps: &[Step]) -> anyhow::Result<Vec<Sample>> {
+    fn measure(&mut self, steps: &[PlanStep]) -> anyhow::Result<Vec<Sample>> {
         let camera = camera(self.source.as_deref())?;
         let (mut client, interrupt) = self.connect()?;
         let WiredArm { arm, profile, .. } = self.wired;
@@ -110,11 +110,11 @@ impl Station for Board<'_> {
 }
 
 /// Steps as the visits of a table.
-fn planned(steps: &[Step], dwell_s: f64) -> Vec<PlannedVisit> {
+fn planned(steps: &[PlanStep], dwell_s: f64) -> Vec<PlannedVisit> {
     steps.iter().enumerate().map(|(number, step)| visit(number, step, dwell_s)).collect()
 }
 
-fn visit(number: usize, step: &Step, dwell_s: f64) -> PlannedVisit {
+fn visit(number: usize, step: &PlanStep, dwell_s: f64) -> PlannedVisit {
     let (word, servos_rad, label) = (step.word, step.servos_rad.clone(), format!("visit {number}"));
     PlannedVisit { visit: Visit { word, servos_rad, dwell_s, label }, held_out: step.held_out }
 }

@@ -8,7 +8,7 @@ use darm_arm::arm::frames::{self, DesiredFrame};
 use darm_arm::board_profile::BoardProfile;
 use darm_arm::plan::Visit;
 use darm_arm::table_file::{self, visits_file};
-use darm_diagnose::calibrate::Options;
+use darm_diagnose::calibrate::CalibrateOptions;
 use darm_diagnose::outcome::Diagnosis;
 use darm_measure::poses::{self, Which};
 use darm_measure::visit_table::{PlannedVisit, VisitTable};
@@ -39,7 +39,7 @@ pub(super) struct Settings {
     arm: String,
     /// The frames, as a file of frames has them.
     frames: String,
-    options: Options,
+    options: CalibrateOptions,
 }
 
 /// An open folder.
@@ -48,7 +48,7 @@ pub(super) struct Folder {
 }
 
 impl Settings {
-    pub(super) fn new(arm: &Arm, frames: &[DesiredFrame], options: &Options) -> Self {
+    pub(super) fn new(arm: &Arm, frames: &[DesiredFrame], options: &CalibrateOptions) -> Self {
         let (arm, frames) = (arm.hash().to_string(), frames::to_toml(frames));
         Self { format: FORMAT, arm, frames, options: options.clone() }
     }

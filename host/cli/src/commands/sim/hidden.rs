@@ -5,7 +5,7 @@ use std::str::FromStr;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use darm_arm::arm::frames::{DesiredFrame, Weights};
 use darm_arm::arm::{Arm, ArmScratch};
-use darm_diagnose::measurement_plan::{Step, candidates};
+use darm_diagnose::measurement_plan::{PlanStep, candidates};
 use darm_diagnose::truth::{Kind, Truth, TruthError};
 
 /// Number of words at whose frames the effect's size is set.
@@ -52,7 +52,7 @@ fn frames(arm: &Arm, seed: u64) -> Vec<DesiredFrame> {
 }
 
 /// The arm's own frame for a step; `None` where it has no pose.
-fn frame(arm: &Arm, step: Step, scratch: &mut ArmScratch) -> Option<DesiredFrame> {
+fn frame(arm: &Arm, step: PlanStep, scratch: &mut ArmScratch) -> Option<DesiredFrame> {
     let pose = arm.model.predict(&arm.model.nominal(step.word, &step.servos_rad), scratch).ok()?;
     Some(DesiredFrame {
         name: step.word.to_string(),

@@ -8,7 +8,7 @@ use crate::effect::{Place, Site};
 use crate::linearise::experiment::Candidate;
 use crate::linearise::laws::Coordinate;
 use crate::linearise::model_effects::ModelEffect;
-use crate::prepare::groups::Row;
+use crate::prepare::groups::SignalRow;
 use darm_measure::signal::rate;
 
 /// When the rows were, and how they hang together.
@@ -19,9 +19,9 @@ pub(super) struct Clock {
 }
 
 impl Clock {
-    pub(super) fn new(rows: &[Row]) -> Self {
-        let [series, motion] =
-            [|row: &Row| row.series, |row: &Row| row.motion].map(|of| rows.iter().map(of).collect::<Vec<usize>>());
+    pub(super) fn new(rows: &[SignalRow]) -> Self {
+        let [series, motion] = [|row: &SignalRow| row.series, |row: &SignalRow| row.motion]
+            .map(|of| rows.iter().map(of).collect::<Vec<usize>>());
         Self { time_s: rows.iter().map(|row| row.time_s).collect(), series, motion }
     }
 

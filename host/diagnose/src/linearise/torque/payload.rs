@@ -13,13 +13,13 @@ use crate::effect::{Place, Site};
 use crate::linearise::bodies;
 use crate::linearise::experiment::{BodyCandidate, Candidate};
 use crate::linearise::model_effects::{ModelEffect, PAYLOAD};
-use crate::prepare::groups::Row;
+use crate::prepare::groups::SignalRow;
 use crate::prepare::signals::{PrepareError, Prepared};
 
 /// The number of what is carried in each row; all 0 without the column.
 pub(super) fn carried(data: &Prepared) -> Result<Vec<u32>, PrepareError> {
     let Some(numbers) = data.unfiltered(PAYLOAD) else { return Ok(vec![0; data.rows.len()]) };
-    let number = |(number, row): (f64, &Row)| {
+    let number = |(number, row): (f64, &SignalRow)| {
         let is_number = number.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(&number);
         is_number.then_some(number as u32).ok_or_else(|| PrepareError::Row {
             line: row.line,

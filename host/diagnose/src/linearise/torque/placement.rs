@@ -24,7 +24,7 @@ use darm_robot::tree::spatial::Motion;
 use rayon::prelude::{IndexedParallelIterator as _, IntoParallelRefIterator as _, ParallelIterator as _};
 
 use crate::effect::{LawName, Place, Site};
-use crate::linearise::experiment::{Candidate, Value};
+use crate::linearise::experiment::{Candidate, CandidateValue};
 use crate::linearise::model_effects::ModelEffect;
 use crate::linearise::serial_chain::{OFFSET, TURNS, across};
 
@@ -132,7 +132,7 @@ impl Misplaced {
 
     /// The candidates, given the site of each joint: values in the order of the moves.
     pub(super) fn candidates(&self, robot: &Robot, sites: &[Site]) -> Vec<Candidate> {
-        let value = |name: &str, (unit, prior): (&str, f64), column: &[f64]| Value {
+        let value = |name: &str, (unit, prior): (&str, f64), column: &[f64]| CandidateValue {
             name: name.into(),
             unit: unit.into(),
             prior,
@@ -149,7 +149,7 @@ impl Misplaced {
             Moves::Base(_, name) => Some(value(name, TURN, column)),
             Moves::Joint(_) => None,
         };
-        let values: Vec<Value> = self.moves.iter().filter_map(of_base).collect();
+        let values: Vec<CandidateValue> = self.moves.iter().filter_map(of_base).collect();
         let of_joints = self.moves.iter().filter_map(of_joint);
         let site = Site::new(Place::Base, BASE);
         let tilt = (!values.is_empty()).then_some(Candidate { law: LawName::BaseTilt, site, shape: None, values });

@@ -8,9 +8,9 @@ use nalgebra::{DMatrix, DVector};
 use crate::prepare::groups::Groups;
 use crate::progress::{Cancelled, Progress};
 
-/// Columns of an experiment.
+/// The columns of an experiment.
 #[derive(Debug)]
-pub(super) struct Columns {
+pub(super) struct DesignMatrix {
     n_values: usize,
     /// Rows of each fold, among those that a fit sees.
     rows: Vec<Vec<usize>>,
@@ -20,8 +20,8 @@ pub(super) struct Columns {
     blocks: Vec<Vec<DMatrix<f64>>>,
 }
 
-impl Columns {
-    /// Of columns with a number for each row (all rows, also those that are held out) and axis.
+impl DesignMatrix {
+    /// That of columns with a number for each row (all rows, also those that are held out) and axis.
     pub(super) fn new(groups: &Groups, n_axes: usize, columns: &[&[f64]]) -> Self {
         let of_fold = |fold: usize| (0..groups.folds.len()).filter(|&row| groups.folds[row] == fold).collect();
         let rows: Vec<Vec<usize>> = (0..groups.n_folds).map(of_fold).collect();
