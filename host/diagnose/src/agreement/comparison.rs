@@ -167,7 +167,7 @@ impl Comparison<'_> {
         };
         let is_lost = |residuals: &[f64]| of(residuals).is_none_or(|left| left.log > limit);
         let residuals = match laws {
-            Laws::None => experiment.of_rows(&experiment.residuals, false),
+            Laws::None => experiment.training_rows(&experiment.residuals),
             Laws::All => self.residuals_in_turn(experiment, groups, None, is_lost)?,
             Laws::AllBut(law) => self.residuals_in_turn(experiment, groups, Some(law), is_lost)?,
         };

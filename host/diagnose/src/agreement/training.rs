@@ -22,8 +22,8 @@ pub(super) struct Training {
 impl Training {
     /// Those of an experiment; `None` where nothing but differences is measured.
     pub(super) fn of(experiment: &Experiment) -> Option<Self> {
-        let residuals = experiment.of_rows(&experiment.residuals, false);
-        let measured = experiment.of_rows(experiment.measured.as_ref()?, false);
+        let residuals = experiment.training_rows(&experiment.residuals);
+        let measured = experiment.training_rows(experiment.measured.as_ref()?);
         (!residuals.is_empty()).then_some(Self { residuals, measured })
     }
 

@@ -26,14 +26,14 @@ impl HeldOut {
     /// Adds the rows that a search has not seen.
     pub(crate) fn add(&mut self, selected: &SelectedSignals) {
         let experiment = &selected.problem.experiment;
-        self.before.extend(experiment.of_rows(&experiment.residuals, true));
-        self.after.extend(experiment.of_rows(&experiment.at(&selected.best.fit.values), true));
+        self.before.extend(experiment.held_out_rows(&experiment.residuals));
+        self.after.extend(experiment.held_out_rows(&experiment.at(&selected.best.fit.values)));
     }
 
     /// The rows that a search has not seen, with other values before.
     pub(crate) fn from(selected: &SelectedSignals, before: &[f64]) -> Self {
         let experiment = &selected.problem.experiment;
-        let of = |values: &[f64]| experiment.of_rows(&experiment.at(values), true);
+        let of = |values: &[f64]| experiment.held_out_rows(&experiment.at(values));
         Self { before: of(before), after: of(&selected.best.fit.values) }
     }
 
@@ -45,7 +45,7 @@ impl HeldOut {
         if self.before.is_empty() {
             return true;
         }
-        if norm(&self.after, n_axes, n_norm) > norm(&self.before, n_axes, n_norm) {
+        if trimmed_norm(&self.after, n_axes, n_norm) > trimmed_norm(&self.before, n_axes, n_norm) {
             return false;
         }
         let scaled = |residuals: &[f64]| {
@@ -60,8 +60,8 @@ impl HeldOut {
     }
 }
 
-/// The usual size of a row's norm.
-fn norm(residuals: &[f64], n_axes: usize, n_norm: usize) -> f64 {
+/// Root mean square of the norms of rows × axes, without rows that are far off.
+fn trimmed_norm(residuals: &[f64], n_axes: usize, n_norm: usize) -> f64 {
     let square = |row: &[f64]| row[..n_norm].iter().map(|r| r * r).sum::<f64>();
     trimmed_root_mean_square(residuals.chunks(n_axes).map(|row| square(row).sqrt()).collect())
 }

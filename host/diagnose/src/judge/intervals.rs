@@ -273,5 +273,5 @@ fn held_out_gain(selected: &SelectedSignals, without: &SignalFit) -> Option<Numb
 
 fn held_out_norm(problem: &Signals, values: &[f64]) -> Option<f64> {
     let experiment = &problem.experiment;
-    experiment.norm(&experiment.of_rows(&experiment.at(values), true))
+    experiment.norm(&experiment.held_out_rows(&experiment.at(values)))
 }

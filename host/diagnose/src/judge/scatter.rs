@@ -44,7 +44,7 @@ impl Scatter {
     /// were fitted, and on those that they do not.
     pub(crate) fn left(&self, experiment: &Experiment, after: &[f64], fitted: usize) -> Vec<AxisLeft> {
         let n_axes = experiment.axes.len();
-        let of_rows = [false, true].map(|held_out| experiment.of_rows(after, held_out));
+        let of_rows = [experiment.training_rows(after), experiment.held_out_rows(after)];
         let axes = || (0..n_axes).filter(|&axis| experiment.axes[axis].proves());
         let left = |axis: usize, k: usize| {
             let (rows, fitted) = (of_axis(&of_rows[k], n_axes, axis), [fitted as f64 / n_axes as f64, 0.0][k]);

@@ -210,7 +210,7 @@ fn chance_of_gain(selected: &SelectedSignals) -> Result<f64, Cancelled> {
 
 /// Whether effects take half of the mean square of the rows that fits see, without what is far off.
 fn is_halved(experiment: &Experiment, after: &[f64]) -> bool {
-    let size = |residuals: &[f64]| agreement::training::size(experiment, &experiment.of_rows(residuals, false)).powi(2);
+    let size = |residuals: &[f64]| agreement::training::size(experiment, &experiment.training_rows(residuals)).powi(2);
     size(after) < MAX_PARTLY_LEFT * size(&experiment.residuals)
 }
 
@@ -244,7 +244,7 @@ fn is_excess_taken(experiment: &Experiment, after: &[f64], scatter: &Scatter) ->
         return true;
     }
     let excess = |residuals: &[f64]| {
-        let size = agreement::training::size(experiment, &experiment.of_rows(residuals, false));
+        let size = agreement::training::size(experiment, &experiment.training_rows(residuals));
         size.powi(2) - scatter.figure.norm.value.powi(2)
     };
     excess(after) < UNEXPLAINED_SHARE * excess(&experiment.residuals)
@@ -281,7 +281,7 @@ impl Rest {
         match scatter.figure.repeated_in {
             RepeatedIn::Rows => Self { is_beyond_repeats: exceeds, noise_dof: dof, ..nothing },
             RepeatedIn::Neighbours => {
-                let (rows, noise) = (experiment.of_rows(after, false), scatter.figure.norm.value);
+                let (rows, noise) = (experiment.training_rows(after), scatter.figure.norm.value);
                 let size = agreement::training::size(experiment, &rows);
                 let is = |times: f64| noise > 0.0 && size > times * noise;
                 Self {
@@ -352,7 +352,7 @@ fn leave_beaten(
 ) -> Result<Vec<Dependence>, Cancelled> {
     let SelectedSignals { problem, best, n_known, .. } = selected;
     let (experiment, (after, scatter)) = (&problem.experiment, of);
-    let held_out = experiment.of_rows(after, true);
+    let held_out = experiment.held_out_rows(after);
     let is_more = |residuals: &[f64], axis: usize| {
         let left = scatter.left(experiment, residuals, problem.indices(&best.fit.active).len());
         exceeds_noise(&left.into_iter().filter(|left| left.axis == axis).collect::<Vec<_>>())
@@ -370,7 +370,7 @@ fn leave_beaten(
         let (Some(order), None) = (orders.next(), orders.next()) else { return Ok(None) };
         let without = problem.neighbours(best)?.with_one_less(order)?;
         let Some((term, left)) = remaining::instead(problem, &without, axis)? else { return Ok(None) };
-        let of_both = HeldOut { before: held_out.clone(), after: experiment.of_rows(&left, true) };
+        let of_both = HeldOut { before: held_out.clone(), after: experiment.held_out_rows(&left) };
         Ok((!is_more(&left, axis) && of_both.falls(&best.weighting.sigma, 0)).then_some(term))
     };
     let beaten = effects.iter().map(beaten_by).collect::<Result<Vec<Option<Dependence>>, Cancelled>>()?;

@@ -259,11 +259,20 @@ impl Experiment {
         (offsets.collect(), next)
     }
 
-    /// The residuals of the rows that are held out, or of the others.
-    pub(crate) fn of_rows(&self, residuals: &[f64], held_out: bool) -> Vec<f64> {
+    /// The numbers of the rows that fits see, of those of all rows × axes.
+    pub(crate) fn training_rows(&self, all: &[f64]) -> Vec<f64> {
+        self.rows_where(all, |row| !row.held_out)
+    }
+
+    /// The numbers of the rows that are held out, of those of all rows × axes.
+    pub(crate) fn held_out_rows(&self, all: &[f64]) -> Vec<f64> {
+        self.rows_where(all, |row| row.held_out)
+    }
+
+    fn rows_where(&self, all: &[f64], choose: impl Fn(&SignalRow) -> bool) -> Vec<f64> {
         let n_axes = self.axes.len();
-        let rows = self.rows.iter().enumerate().filter(|(_, row)| row.held_out == held_out);
-        rows.flat_map(|(row, _)| residuals[row * n_axes..(row + 1) * n_axes].iter().copied()).collect()
+        let rows = self.rows.iter().enumerate().filter(|(_, row)| choose(row));
+        rows.flat_map(|(row, _)| &all[row * n_axes..(row + 1) * n_axes]).copied().collect()
     }
 
     /// Mean square of an axis of rows × axes.

@@ -18,7 +18,7 @@ const MAX_ROWS: usize = 4000;
 pub(crate) fn summary(selected: &SelectedSignals, pooled: Option<&HeldOut>, seed: u64) -> Summary {
     let (problem, experiment) = (&selected.problem, &selected.problem.experiment);
     let after = experiment.at(&selected.best.fit.values);
-    let n_held_out = pooled.map_or(experiment.of_rows(&after, true).len(), |pooled| pooled.after.len());
+    let n_held_out = pooled.map_or(experiment.held_out_rows(&after).len(), |pooled| pooled.after.len());
     Summary {
         kind: experiment.kind,
         model: None,
@@ -42,11 +42,11 @@ pub(crate) fn summary(selected: &SelectedSignals, pooled: Option<&HeldOut>, seed
 }
 
 fn errors(experiment: &Experiment, residuals: &[f64], held_out: Option<&[f64]>) -> Errors {
-    let own = experiment.of_rows(residuals, true);
+    let own = experiment.held_out_rows(residuals);
     let zero = Number::new(0.0, experiment.unit());
     let empty = || ErrorFigure { axes: Vec::new(), norm: zero, largest: zero, without_farthest: zero };
     Errors {
-        train: figure(experiment, &experiment.of_rows(residuals, false)).unwrap_or_else(empty),
+        train: figure(experiment, &experiment.training_rows(residuals)).unwrap_or_else(empty),
         held_out: figure(experiment, held_out.unwrap_or(&own)),
     }
 }

@@ -141,7 +141,7 @@ impl Signals {
         let columns: Vec<&[f64]> = values().map(|value| &value.column[..]).collect();
         let linearised = Linearised {
             columns: Arc::new(DesignMatrix::new(&groups, n_axes, &columns)),
-            zero: training(&groups, n_axes, &experiment.residuals),
+            zero: experiment.training_rows(&experiment.residuals),
         };
         Self {
             n_values,
@@ -196,7 +196,7 @@ impl Signals {
 
     /// Residuals of the training rows, of a model.
     pub(crate) fn training_residuals(&self, fit: &SignalFit) -> Vec<f64> {
-        self.training_rows(&self.experiment.at(&fit.values))
+        self.experiment.training_rows(&self.experiment.at(&fit.values))
     }
 
     /// Root mean square of the norm of residuals, in its unit.
@@ -214,14 +214,20 @@ impl Signals {
             Curvature::None => Arc::clone(&self.linearised),
             Curvature::Beyond(beyond) => match beyond(values) {
                 None => Arc::clone(&self.linearised),
-                Some(beyond) => Arc::new(self.linearised.with(&self.training_rows(&beyond))),
+                Some(beyond) => Arc::new(self.linearised.with(&self.experiment.training_rows(&beyond))),
             },
             Curvature::Relinearise(relinearise) => {
                 let (residuals, columns) = relinearise(values);
                 let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
                 let columns = DesignMatrix::new(&self.groups, self.experiment.axes.len(), &columns);
                 let moved = columns.moved_all(values);
-                let zero = self.training_rows(&residuals).iter().zip(&moved).map(|(own, moved)| own - moved).collect();
+                let zero = self
+                    .experiment
+                    .training_rows(&residuals)
+                    .iter()
+                    .zip(&moved)
+                    .map(|(own, moved)| own - moved)
+                    .collect();
                 Arc::new(Linearised { columns: Arc::new(columns), zero })
             }
         })
@@ -236,11 +242,6 @@ impl Signals {
         let differences = linearised.zero.iter().zip(&assumed.zero).map(|(now, assumed)| now - assumed).collect();
         let loss = in_noise(differences, &model.weighting.sigma).iter().map(|off| off * off).sum::<f64>();
         Ok((loss > NEGLIGIBLE_LOSS).then_some(linearised))
-    }
-
-    /// The numbers of the rows that a fit sees, of those of all rows × axes.
-    fn training_rows(&self, all: &[f64]) -> Vec<f64> {
-        training(&self.groups, self.experiment.axes.len(), all)
     }
 
     /// Noise of each axis by these residuals.
@@ -365,11 +366,6 @@ pub(super) fn in_noise(mut numbers: Vec<f64>, sigma: &[f64]) -> Vec<f64> {
         row.iter_mut().zip(sigma).for_each(|(number, sigma)| *number /= sigma);
     }
     numbers
-}
-
-/// The numbers of the training rows, of those of all rows × axes.
-fn training(groups: &Groups, n_axes: usize, all: &[f64]) -> Vec<f64> {
-    groups.training.iter().flat_map(|row| &all[row * n_axes..(row + 1) * n_axes]).copied().collect()
 }
 
 /// Each candidate by itself, then each law that has several places at all of them, but for what they have in common; of a law with several shapes the first

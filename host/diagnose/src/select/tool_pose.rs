@@ -176,15 +176,10 @@ impl ToolPoses {
     ///
     /// The model has no pose for a row that is held out.
     pub fn held_out_m(&self, trial: &Trial<Self>) -> Result<f64, NoPose> {
-        self.held_out_m_of(&trial.fit.model, &trial.unseen_residuals)
-    }
-
-    /// The same of a model that leaves these residuals of the training rows when they are held out in turn.
-    pub(crate) fn held_out_m_of(&self, model: &ArmModel, in_turn: &[f64]) -> Result<f64, NoPose> {
         if self.held_out.rows.is_empty() {
-            return Ok(root_mean_square(&self.training.distances_m(in_turn)));
+            return Ok(root_mean_square(&self.training.distances_m(&trial.unseen_residuals)));
         }
-        let residuals = self.held_out.residuals(model, &mut ArmScratch::default())?;
+        let residuals = self.held_out.residuals(&trial.fit.model, &mut ArmScratch::default())?;
         Ok(root_mean_square(&self.held_out.distances_m(&residuals)))
     }
 
