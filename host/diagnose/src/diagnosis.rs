@@ -29,11 +29,11 @@ use crate::prepare::signals::{Preparation, PrepareError};
 use crate::progress::{Cancelled, Progress, Stage};
 use crate::rejection::{self, Rejection, is_of_one_law};
 use crate::report::{self, Summary, sentences};
-use crate::select::cross_validation::folds;
 use crate::select::forward::{Selection, forward_selection};
+use crate::select::poses::cross_validation::folds;
+use crate::select::poses::{NoTrial, ToolPoses};
 use crate::select::problem::{RegressionProblem as _, Trial};
 use crate::select::significance::Levels;
-use crate::select::tool_pose::{NoTrial, ToolPoses};
 use darm_arm::arm::{Arm, ArmScratch};
 use darm_measure::hold_out::HoldOut;
 use darm_measure::table::{Names, Table};
@@ -42,7 +42,7 @@ use darm_robot::files::FileRef;
 
 mod search;
 
-use self::search::{in_model, select};
+use self::search::{in_model, select_until_settled};
 pub use crate::report::sentences::effect_sentence;
 
 /// How tool poses are diagnosed.
@@ -259,7 +259,7 @@ fn diagnose_table_read(
     options: &SignalOptions,
 ) -> Result<Outcome<SignalCorrection>, DiagnoseError> {
     let pooled = held_out_in_turn(model, table, options)?;
-    let mut selected = select(model, table, options, None)?;
+    let mut selected = select_until_settled(model, table, options, None)?;
     options.progress.enter(Stage::Judge)?;
     selected.findings.splice(0..0, findings);
     Ok(conclude(model, &selected, pooled.as_ref(), options)?)
@@ -274,7 +274,7 @@ fn held_out_in_turn(model: &Model, table: &Table, options: &SignalOptions) -> Re
     }
     let mut pooled = HeldOut::default();
     for value in kept.values_of(column).map_err(PrepareError::from)? {
-        pooled.add(&select(model, table, options, Some(&value))?);
+        pooled.add(&select_until_settled(model, table, options, Some(&value))?);
     }
     Ok(Some(pooled))
 }

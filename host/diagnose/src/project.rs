@@ -11,8 +11,8 @@ use nalgebra::DVector;
 
 use crate::linearise::experiment::BodyCandidate;
 use crate::progress::Cancelled;
-use crate::select::factored::judged;
 use crate::select::problem::{RegressionProblem as _, Trial, Weighted};
+use crate::select::signals::factored::judged;
 use crate::select::signals::{Move, SignalFit, Signals};
 use crate::select::significance::{DISCOVERY_LEVEL, RIVAL_LEVEL};
 

@@ -21,8 +21,8 @@ use crate::prepare::column_reading::ColumnReading;
 use crate::prepare::groups::Groups;
 use crate::prepare::signals::Prepared;
 use crate::progress::{Cancelled, Progress};
-use crate::select::backward::every_law;
 use crate::select::signals::Signals;
+use crate::select::signals::backward::every_law;
 use crate::select::significance::{DISCOVERY_LEVEL, chance_of_mean};
 
 /// Rows that readings are compared on.

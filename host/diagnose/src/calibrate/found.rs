@@ -11,9 +11,9 @@ use crate::correction::{ArmCorrection, Outcome};
 use crate::judge::next_words::together;
 use crate::measurement_plan::{LIKELY, PlanStep};
 use crate::prepare::observations::{NoPose, Observations};
-use crate::select::robust_fit::{PoseFit, covariance, fit};
+use crate::select::poses::robust_fit::{PoseFit, covariance, fit};
+use crate::select::poses::values;
 use crate::select::significance::quantile_975;
-use crate::select::tool_pose::values;
 use darm_measure::Run;
 
 /// How many standard deviations wide 95 % of a normal distribution reaches to one side.

@@ -19,8 +19,8 @@ use crate::project::{Projected, project};
 use crate::rejection::{self, sorted};
 use crate::select::forward::SelectionStep;
 use crate::select::problem::Trial;
-use crate::select::search;
 use crate::select::signals::Signals;
+use crate::select::signals::search;
 use darm_measure::table::Table;
 use darm_measure::{Finding, FindingKind};
 
@@ -32,7 +32,7 @@ const MAX_SEARCHES: usize = 4;
 const SAME_CONSTANT: f64 = 2e-3;
 
 /// Prepares, linearises, selects and projects; with `each` the rows of that value of the column are held out.
-pub(super) fn select(
+pub(super) fn select_until_settled(
     model: &Model,
     table: &Table,
     options: &SignalOptions,

@@ -17,9 +17,9 @@ use crate::model_file::ModelFile;
 use crate::outcome::{ErrorFigure, Errors, RepeatedIn, Verdict};
 use crate::prepare::groups::Groups;
 use crate::prepare::signals::Prepared;
-use crate::select::factored::{Factored, judged};
 use crate::select::problem::{Neighbours as _, Trial};
 use crate::select::signals::Signals;
+use crate::select::signals::factored::{Factored, judged};
 use crate::select::significance::quantile_975;
 use darm_measure::FindingKind;
 

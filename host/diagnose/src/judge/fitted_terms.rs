@@ -8,9 +8,9 @@ use crate::outcome::{Dependence, Number, Structure};
 use crate::prepare::observations::NoPose;
 use crate::progress::Cancelled;
 use crate::rejection::is_of_one_law;
+use crate::select::poses::{NoTrial, ToolPoses};
 use crate::select::problem::{RegressionProblem as _, Trial};
 use crate::select::significance::DISCOVERY_LEVEL;
-use crate::select::tool_pose::{NoTrial, ToolPoses};
 use darm_arm::arm::ArmScratch;
 
 /// A model with fitted terms.

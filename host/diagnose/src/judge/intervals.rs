@@ -10,11 +10,11 @@ use crate::linearise::experiment::{self, Candidate};
 use crate::outcome::Number;
 use crate::prepare::groups::{Clusters, Groups};
 use crate::progress::Cancelled;
-use crate::select::backward::FALSE_SHARE;
 use crate::select::problem::{Neighbours as _, RegressionProblem as _};
+use crate::select::signals::backward::FALSE_SHARE;
+use crate::select::signals::simplify::surrogates;
 use crate::select::signals::{SignalFit, Signals};
 use crate::select::significance::{chance_beyond, discoveries, quantile_975};
-use crate::select::simplify::surrogates;
 
 /// A value whose uncertainty these rows lower to no less than this share of what was known before is not identified.
 const NOT_NARROWED: f64 = 0.7;

@@ -12,8 +12,8 @@ use crate::measurement_plan::optimal_design::informative_first;
 use crate::measurement_plan::{PlanStep, as_run, candidates};
 use crate::outcome::{Alternative, NextMeasurement};
 use crate::prepare::observations::{NoPose, Observations, ValueIndex};
-use crate::select::robust_fit::fit;
-use crate::select::tool_pose::values;
+use crate::select::poses::robust_fit::fit;
+use crate::select::poses::values;
 use darm_arm::arm::{Arm, ArmModel, ArmScratch, ZERO_CELSIUS};
 use darm_measure::Run;
 

@@ -6,11 +6,11 @@ use crate::linearise::arm_candidates;
 use crate::outcome::{Dependence, Effect, EffectValue, Number};
 use crate::prepare::groups::Clusters;
 use crate::prepare::observations;
+use crate::select::poses::robust_fit::covariance;
+use crate::select::poses::{NoTrial, ToolPoses, values};
 use crate::select::problem::RegressionProblem as _;
 use crate::select::problem::{Neighbours as _, Trial};
-use crate::select::robust_fit::covariance;
 use crate::select::significance::quantile_975;
-use crate::select::tool_pose::{NoTrial, ToolPoses, values};
 
 /// The effects selected, with intervals of their values; and of each whether rows that no fit has seen are predicted worse without it.
 pub(crate) fn effects(selected: &SelectedPoses) -> Result<(Vec<Effect>, Vec<bool>), NoTrial> {

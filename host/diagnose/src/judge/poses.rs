@@ -17,8 +17,8 @@ use crate::prepare::observations::{NoPose, axes};
 use crate::prepare::repeatability::PoseRepeatability;
 use crate::progress::Cancelled;
 use crate::select::forward::rivals;
+use crate::select::poses::{NoTrial, ToolPoses};
 use crate::select::problem::{RegressionProblem as _, Trial};
-use crate::select::tool_pose::{NoTrial, ToolPoses};
 use darm_arm::arm::{Arm, ArmScratch};
 
 /// Share that may be left by effects which are named beside what remains: laws that only stand for another cause leave more.

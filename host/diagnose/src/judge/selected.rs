@@ -7,9 +7,9 @@ use crate::agreement::Agreement;
 use crate::linearise::experiment::Candidate;
 use crate::prepare::repeatability::PoseRepeatability;
 use crate::select::forward::SelectionStep;
+use crate::select::poses::ToolPoses;
 use crate::select::problem::Trial;
 use crate::select::signals::Signals;
-use crate::select::tool_pose::ToolPoses;
 use darm_measure::{Finding, Run};
 
 /// A model of tool poses that was selected.

@@ -17,10 +17,10 @@ use crate::linearise::torque::is_ripple;
 use crate::measured::Measured;
 use crate::outcome::{Alternative, Dependence, Regressor, RepeatedIn, Shape, Structure, Verdict};
 use crate::progress::Cancelled;
-use crate::select::factored::judged;
 use crate::select::problem::{Neighbours as _, RegressionProblem as _};
+use crate::select::signals::factored::judged;
+use crate::select::signals::simplify::{MAX_COMPARED, single_rivals};
 use crate::select::significance::{RIVAL_LEVEL, STRUCTURE_LEVEL};
-use crate::select::simplify::{MAX_COMPARED, single_rivals};
 
 /// Share of the squares that may be left by effects which are named beside what remains.
 const MAX_PARTLY_LEFT: f64 = 0.5;

@@ -8,8 +8,8 @@ use crate::outcome::{
 use crate::prepare::groups::FOLDS;
 use crate::prepare::observations::{NoPose, Observations, axes};
 use crate::report::Summary;
-use crate::select::robust_fit::condition;
-use crate::select::tool_pose::ToolPoses;
+use crate::select::poses::ToolPoses;
+use crate::select::poses::robust_fit::condition;
 use darm_arm::arm::{Arm, ArmModel, ArmScratch};
 use darm_measure::{root_mean_square, without_farthest};
 

@@ -1,6 +1,6 @@
 //! What forward selection asks of a regression problem: which effects may be added, and how well a model with one predicts.
 //!
-//! The selection does not know what was measured. A problem is a set of tool poses ([`tool_pose`](super::tool_pose)) or a
+//! The selection does not know what was measured. A problem is a set of tool poses ([`poses`](super::poses)) or a
 //! set of signals whose residuals are linear in what may be missing, near the model ([`signals`](super::signals)).
 
 use std::fmt::Debug;

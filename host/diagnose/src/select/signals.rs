@@ -8,6 +8,16 @@
 //! (`factored.rs`). The information counts by 1/τ, with τ the autocorrelation time of the residuals in
 //! rows, against the priors of the values. Unseen rows are those of a fold: a value of the column that is held out, or a
 //! tenth of the pieces of time.
+//!
+//! `search.rs` calls forward selection, `backward.rs` and `simplify.rs` in their order.
+
+pub mod backward;
+mod design_matrix;
+pub(crate) mod factored;
+mod normal_equations;
+mod regression_problem;
+pub mod search;
+pub mod simplify;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -15,8 +25,8 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::{IntoParallelIterator as _, ParallelIterator as _};
 
-use super::design_matrix::DesignMatrix;
-use super::normal_equations::{System, solve_with_ridge};
+use self::design_matrix::DesignMatrix;
+use self::normal_equations::{System, solve_with_ridge};
 use super::problem::{Trial, Weighted};
 use crate::effect::LawName;
 use crate::least_squares::{rho, threshold, weights};
@@ -26,7 +36,7 @@ use crate::prepare::repeatability::MEDIAN_OF_NORMAL;
 use crate::progress::{Cancelled, Progress};
 
 /// Residuals that are off by so little, in squares of the noise, decide nothing.
-pub(super) const NEGLIGIBLE_LOSS: f64 = 1e-2;
+const NEGLIGIBLE_LOSS: f64 = 1e-2;
 /// One row in as many, the farthest off, does not count in the noise. Of a model that holds every law from the start the
 /// median gives the noise: it leaves nothing that outliers could be mistaken for.
 const TRIMMED: usize = 100;
@@ -60,8 +70,8 @@ pub struct Signals {
     /// The candidates of each [`Move`].
     moves: Vec<Vec<usize>>,
     /// How many values all candidates have together.
-    pub(super) n_values: usize,
-    pub(super) progress: Progress,
+    n_values: usize,
+    progress: Progress,
     offsets: Vec<usize>,
     /// 1/σ² of the prior of each value.
     priors: Arc<[f64]>,
@@ -71,10 +81,10 @@ pub struct Signals {
 
 /// Residuals and columns of the training rows near a model.
 #[derive(Debug)]
-pub(super) struct Linearised {
-    pub(super) columns: Arc<DesignMatrix>,
+struct Linearised {
+    columns: Arc<DesignMatrix>,
     /// Residuals where all values are zero, as far as they are linear.
-    pub(super) zero: Vec<f64>,
+    zero: Vec<f64>,
 }
 
 /// How rows and axes count: the noise, and the equations of all values in units of it.
@@ -86,18 +96,18 @@ pub struct Weighting {
     pub autocorrelation_time: f64,
     /// Whether noise and weights are those of the residuals that they give.
     pub has_converged: bool,
-    pub(super) linearised: Arc<Linearised>,
+    linearised: Arc<Linearised>,
     /// Weight of each residual of rows × axes, over σ².
-    pub(super) weights: Arc<Vec<f64>>,
+    weights: Arc<Vec<f64>>,
     /// All normal equations: without each fold, then of all rows.
-    pub(super) systems: Arc<Vec<System>>,
+    systems: Arc<Vec<System>>,
     /// The lower triangle of the sums of weighted products of columns over all training rows, the residual last.
-    pub(super) sums: Arc<DMatrix<f64>>,
+    sums: Arc<DMatrix<f64>>,
 }
 
 impl Weighting {
     /// The same rows and weights where the residuals are other ones at zero. The sums of all rows stay behind.
-    pub(super) fn at(&self, linearised: Arc<Linearised>) -> Self {
+    fn at(&self, linearised: Arc<Linearised>) -> Self {
         let zeros = linearised.zero.iter().zip(&self.linearised.zero);
         let more: Vec<f64> = zeros.zip(&*self.weights).map(|((new, old), weight)| weight * (new - old)).collect();
         let columns = &linearised.columns;
@@ -113,7 +123,7 @@ impl Weighting {
     }
 
     /// The loss of each residual of rows × axes.
-    pub(super) fn losses<'a>(&'a self, residuals: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+    fn losses<'a>(&'a self, residuals: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         let c = threshold(1);
         residuals.iter().zip(self.sigma.iter().cycle()).map(move |(residual, sigma)| rho((residual / sigma).abs(), c))
     }
@@ -127,7 +137,7 @@ impl Linearised {
     }
 
     /// The residuals at these values.
-    pub(super) fn residuals(&self, values: &[f64]) -> Vec<f64> {
+    fn residuals(&self, values: &[f64]) -> Vec<f64> {
         self.zero.iter().zip(&self.columns.moved_all(values)).map(|(zero, moved)| zero + moved).collect()
     }
 }
@@ -208,7 +218,7 @@ impl Signals {
     }
 
     /// Residuals and columns of the training rows at these values, in their units.
-    pub(super) fn linearise(&self, values: &[f64]) -> Result<Arc<Linearised>, Cancelled> {
+    fn linearise(&self, values: &[f64]) -> Result<Arc<Linearised>, Cancelled> {
         self.progress.check()?;
         Ok(match &self.experiment.curvature {
             Curvature::None => Arc::clone(&self.linearised),
@@ -235,7 +245,7 @@ impl Signals {
 
     /// Where the residuals of a model are not as linear as its fit took them, what they are near it; `None` where the loss
     /// would hardly change.
-    pub(super) fn moved_on(&self, model: &Trial<Self>) -> Result<Option<Arc<Linearised>>, Cancelled> {
+    fn moved_on(&self, model: &Trial<Self>) -> Result<Option<Arc<Linearised>>, Cancelled> {
         let Curvature::Beyond(_) = &self.experiment.curvature else { return Ok(None) };
         let (linearised, assumed) = (self.linearise(&model.fit.values)?, &model.weighting.linearised);
         // The columns are the same: the residuals differ by as much as they do at zero.
@@ -245,7 +255,7 @@ impl Signals {
     }
 
     /// Noise of each axis by these residuals.
-    pub(super) fn noise(&self, residuals: &[f64]) -> Vec<f64> {
+    fn noise(&self, residuals: &[f64]) -> Vec<f64> {
         let (n_axes, n_norm) = (self.experiment.axes.len(), self.experiment.n_norm);
         let of_axis = |axis: usize| {
             let squares = residuals.iter().skip(axis).step_by(n_axes).map(|r| r * r).collect();
@@ -261,12 +271,7 @@ impl Signals {
     }
 
     /// The weighting that residuals, in units of the noise, give.
-    pub(super) fn weigh(
-        &self,
-        residuals: &[f64],
-        sigma: Vec<f64>,
-        linearised: Arc<Linearised>,
-    ) -> Result<Weighting, Cancelled> {
+    fn weigh(&self, residuals: &[f64], sigma: Vec<f64>, linearised: Arc<Linearised>) -> Result<Weighting, Cancelled> {
         let n_axes = sigma.len();
         let autocorrelation_time = self.groups.autocorrelation_time(residuals, n_axes);
         let of = |(k, weight): (usize, &f64)| weight / (sigma[k % n_axes] * sigma[k % n_axes]);
@@ -328,7 +333,7 @@ impl Weighted<'_, Signals> {
     }
 
     /// A model with its values, and what those of the other folds add in the rows of each.
-    pub(super) fn trial(&self, fit: SignalFit, effect: Option<Move>, moved: &[&[f64]]) -> Trial<Signals> {
+    fn trial(&self, fit: SignalFit, effect: Option<Move>, moved: &[&[f64]]) -> Trial<Signals> {
         let Linearised { columns, zero } = &*self.weighting.linearised;
         let mut unseen_residuals = vec![0.0; zero.len()];
         moved.iter().enumerate().for_each(|(fold, moved)| columns.put(fold, moved, &mut unseen_residuals));
@@ -361,7 +366,7 @@ impl Weighted<'_, Signals> {
 }
 
 /// Numbers of rows × axes in units of the noise.
-pub(super) fn in_noise(mut numbers: Vec<f64>, sigma: &[f64]) -> Vec<f64> {
+fn in_noise(mut numbers: Vec<f64>, sigma: &[f64]) -> Vec<f64> {
     for row in numbers.chunks_mut(sigma.len()) {
         row.iter_mut().zip(sigma).for_each(|(number, sigma)| *number /= sigma);
     }

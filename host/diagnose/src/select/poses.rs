@@ -1,14 +1,17 @@
 //! Tool poses of an arm of discrete actuators: words are left out one after the other, and the held-out words may veto.
 
+mod change_point;
+pub mod cross_validation;
+pub mod robust_fit;
+
 use std::sync::Arc;
 
 use darm_core::effect::Effect;
 use darm_core::model::MAX_EFFECTS;
 
-use super::change_point;
-use super::cross_validation::cross_validated;
+use self::cross_validation::cross_validated;
+use self::robust_fit::{PoseFit, fit};
 use super::problem::{CandidateName, Loss, Neighbours, Policy, RegressionProblem, Trial};
-use super::robust_fit::{PoseFit, fit};
 use super::significance::{Levels, LossReduction, RIVAL_LEVEL, clustered_t_test};
 use crate::effect::Place;
 use crate::least_squares::losses;

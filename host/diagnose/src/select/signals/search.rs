@@ -1,12 +1,12 @@
 //! The selection for signals: forward, backward and simplification, in the order that the kind of priors asks for.
 
+use super::Signals;
 use super::backward::{Selected, all_laws, backward_elimination, eliminate};
 use super::factored::judged;
-use super::forward::forward_selection;
-use super::problem::{RegressionProblem as _, Trial};
-use super::signals::Signals;
-use super::significance::RIVAL_LEVEL;
 use super::simplify::{simpler_of, simplified};
+use crate::select::forward::forward_selection;
+use crate::select::problem::{RegressionProblem as _, Trial};
+use crate::select::significance::RIVAL_LEVEL;
 
 /// The same where another search near this one selected `before`: the better one of the model that is selected here and of what
 /// is left of that one.

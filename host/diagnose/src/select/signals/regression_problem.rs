@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use super::factored::{Factored, judged};
-use super::problem::{CandidateName, Loss, Neighbours, Policy, RegressionProblem, Trial, Weighted};
-use super::signals::{Move, NEGLIGIBLE_LOSS, SignalFit, Signals, Weighting, in_noise};
-use super::significance::{DISCOVERY_LEVEL, LossReduction, SIGNAL_RIVAL_LEVEL, paired_t_test};
+use super::{Move, NEGLIGIBLE_LOSS, SignalFit, Signals, Weighting, in_noise};
 use crate::progress::{Cancelled, Progress};
+use crate::select::problem::{CandidateName, Loss, Neighbours, Policy, RegressionProblem, Trial, Weighted};
+use crate::select::significance::{DISCOVERY_LEVEL, LossReduction, SIGNAL_RIVAL_LEVEL, paired_t_test};
 
 /// The most effects of one model.
 const MAX_EFFECTS: usize = 60;

@@ -13,9 +13,9 @@ use rayon::prelude::{
 };
 
 use super::normal_equations::System;
-use super::problem::{Trial, Weighted};
-use super::signals::{Move, SignalFit, Signals};
+use super::{Move, SignalFit, Signals};
 use crate::progress::Cancelled;
+use crate::select::problem::{Trial, Weighted};
 
 /// A model, factorised under a weighting.
 pub(crate) struct Factored<'a> {

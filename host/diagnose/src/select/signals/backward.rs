@@ -11,13 +11,13 @@
 
 use rayon::prelude::{IntoParallelRefIterator as _, ParallelIterator as _};
 
+use super::Signals;
 use super::factored::{Factored, judged};
-use super::forward::SelectionStep;
-use super::problem::{RegressionProblem as _, Trial};
-use super::signals::Signals;
-use super::significance::DISCOVERY_LEVEL;
 use crate::effect::LawName;
 use crate::progress::Cancelled;
+use crate::select::forward::SelectionStep;
+use crate::select::problem::{RegressionProblem as _, Trial};
+use crate::select::significance::DISCOVERY_LEVEL;
 
 /// A model that was selected, and what was tried.
 pub(super) type Selected = Result<(Trial<Signals>, Vec<SelectionStep>), Cancelled>;

@@ -14,13 +14,13 @@ use std::ops::Range;
 use nalgebra::{Cholesky, DVector, Dyn};
 
 use super::factored::{Factored, judged};
-use super::forward::rivals;
-use super::problem::{RegressionProblem as _, Trial, Weighted};
-use super::signals::{SignalFit, Signals};
-use super::significance::RIVAL_LEVEL;
+use super::{SignalFit, Signals};
 use crate::effect::Place;
 use crate::least_squares::pseudo_inverse;
 use crate::progress::Cancelled;
+use crate::select::forward::rivals;
+use crate::select::problem::{RegressionProblem as _, Trial, Weighted};
+use crate::select::significance::RIVAL_LEVEL;
 
 /// Share of its information that an effect keeps beside a model which spans it.
 const SPANNED: f64 = 1e-2;
