@@ -110,7 +110,7 @@ pub fn diagnose(arm: &Arm, run: &Run, options: &PoseOptions) -> Result<Outcome<A
     };
     if doubt.is_some()
         && agreement.other_reading().is_none()
-        && let Some(reading) = read_in_fahrenheit(arm, run, (&problem, &selection.best), options)?
+        && let Some(reading) = read_in_fahrenheit(arm, run, &problem, &selection.best, options)?
     {
         (agreement, selection) = (Agreement::Otherwise(reading), nothing());
     }
@@ -141,7 +141,8 @@ pub fn diagnose(arm: &Arm, run: &Run, options: &PoseOptions) -> Result<Outcome<A
 fn read_in_fahrenheit(
     arm: &Arm,
     run: &Run,
-    (problem, best): (&ToolPoses, &Trial<ToolPoses>),
+    problem: &ToolPoses,
+    best: &Trial<ToolPoses>,
     options: &PoseOptions,
 ) -> Result<Option<OtherReading>, DiagnoseError> {
     let no_trial = |none| no_trial(run, none);

@@ -56,13 +56,13 @@ pub(crate) fn linearise_near(
         Predictor::Cylinder { bore_m } => force::experiment(data, *bore_m, known)?,
         Predictor::Servo => position::experiment(data, known)?,
         Predictor::Torque(robot, transmission) => {
-            torque::experiment(data, robot, transmission.as_ref(), (known, near), progress)?
+            torque::experiment(data, robot, transmission.as_ref(), known, near, progress)?
         }
         Predictor::Wrench(robot) => wrench::experiment(data, robot)?,
         Predictor::PointContact(robot, points) => point_contact::experiment(data, robot, points)?,
         Predictor::Tool(robot, how) => measured_tool::experiment(data, robot, how)?,
         Predictor::Any(robot) if is_wrench(data) => wrench::experiment(data, robot)?,
-        Predictor::Any(robot) => torque::experiment(data, robot, None, (known, near), progress)?,
+        Predictor::Any(robot) => torque::experiment(data, robot, None, known, near, progress)?,
     };
     model_effects::apply(&mut experiment, known)?;
     Ok(experiment)

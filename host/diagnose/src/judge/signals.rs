@@ -84,7 +84,7 @@ pub(crate) fn judge(
         remaining.extend(open);
     }
     if let Some(scatter) = &scatter {
-        remaining.splice(0..0, leave_beaten(selected, &mut effects, (&after, scatter))?);
+        remaining.splice(0..0, leave_beaten(selected, &mut effects, &after, scatter)?);
     }
     let jumps = leave_jumping(selected, &mut effects);
     let is_jumping = !jumps.is_empty();
@@ -344,14 +344,15 @@ fn balancers(selected: &SelectedSignals, effects: &[Effect]) -> Result<Vec<Rival
 }
 
 /// Leaves effects of one axis that leave more than noise there, where something that is no law, in their place, leaves no more and
-/// lowers the error on the held-out rows; gives what that is.
+/// lowers the error on the held-out rows; gives what that is. `after` are the residuals of the model.
 fn leave_beaten(
     selected: &SelectedSignals,
     effects: &mut Vec<Effect>,
-    of: (&[f64], &Scatter),
+    after: &[f64],
+    scatter: &Scatter,
 ) -> Result<Vec<Dependence>, Cancelled> {
     let SelectedSignals { problem, best, n_known, .. } = selected;
-    let (experiment, (after, scatter)) = (&problem.experiment, of);
+    let experiment = &problem.experiment;
     let held_out = experiment.held_out_rows(after);
     let is_more = |residuals: &[f64], axis: usize| {
         let left = scatter.left(experiment, residuals, problem.indices(&best.fit.active).len());

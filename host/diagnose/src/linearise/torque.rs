@@ -76,7 +76,8 @@ pub(crate) fn experiment(
     data: &Prepared,
     robot: &Robot,
     transmission: Option<&Transmission>,
-    (known, near): (&[ModelEffect], Option<Near>),
+    known: &[ModelEffect],
+    near: Option<Near>,
     progress: &Progress,
 ) -> Result<Experiment, DiagnoseError> {
     let n = robot.joints.len();
@@ -85,8 +86,7 @@ pub(crate) fn experiment(
         _ => of_joints(data, robot)?,
     };
     let motion = Motion { payload: payload::carried(data)?, is_sample: data.is_sample(), near, ..motion };
-    let rows = (data.rows.clone(), progress);
-    let mut experiment = of_motion(rows, robot, transmission, known, &motion)?;
+    let mut experiment = of_motion(data.rows.clone(), robot, transmission, known, &motion, progress)?;
     experiment.findings.extend(other_joints(data, n));
     Ok(experiment)
 }
@@ -133,7 +133,7 @@ pub fn added(
     let rows: Vec<SignalRow> = times_s.iter().enumerate().map(row).collect();
     let (tau, payload) = (vec![vec![0.0; rows.len()]; n], vec![0; rows.len()]);
     let motion = Motion { q, v, a, tau, payload, is_sample: false, near: None };
-    let mut experiment = of_motion((rows, &Progress::default()), robot, transmission, known, &motion)?;
+    let mut experiment = of_motion(rows, robot, transmission, known, &motion, &Progress::default())?;
     let nominal = experiment.residuals.clone();
     model_effects::apply(&mut experiment, known)?;
     let more: Vec<f64> = experiment.residuals.iter().zip(&nominal).map(|(with, without)| with - without).collect();
@@ -142,11 +142,12 @@ pub fn added(
 
 /// The experiment of a motion, unless it is given up between two joints.
 fn of_motion(
-    (rows, progress): (Vec<SignalRow>, &Progress),
+    rows: Vec<SignalRow>,
     robot: &Robot,
     transmission: Option<&Transmission>,
     known: &[ModelEffect],
     motion: &Motion,
+    progress: &Progress,
 ) -> Result<Experiment, DiagnoseError> {
     let n = robot.joints.len();
     let clock = Clock::new(&rows);
@@ -161,7 +162,7 @@ fn of_motion(
     let left = near.map_or(&residuals, |near| &near.residuals);
     progress.check()?;
     let bodies = all_bodies(robot, motion, known, columns)?;
-    let misplaced = misplaced(robot, motion, &bodies, (placement, &found))?;
+    let misplaced = misplaced(robot, motion, &bodies, placement, &found)?;
     let (mut candidates, bodies) = bodies.into_iter().unzip::<_, _, Vec<_>, Vec<_>>();
     for (joint, site) in sites.iter().enumerate() {
         progress.check()?;
@@ -241,7 +242,8 @@ fn misplaced(
     robot: &Robot,
     motion: &Motion,
     bodies: &[(Candidate, BodyCandidate)],
-    (placement, found): (Placement, &[ModelEffect]),
+    placement: Placement,
+    found: &[ModelEffect],
 ) -> Result<Misplaced, PrepareError> {
     let state =
         |row: usize| [&motion.q, &motion.v, &motion.a].map(|of| of.iter().map(|channel| channel[row]).collect());
@@ -260,7 +262,7 @@ fn misplaced(
         candidate.values.iter().map(size).collect::<Vec<f64>>()
     };
     let off: Vec<f64> = bodies.iter().flat_map(off).collect();
-    Misplaced::new(robot, states, carried, (placement, &off)).map_err(|error| PrepareError::Nothing(error.to_string()))
+    Misplaced::new(robot, states, carried, placement, &off).map_err(|error| PrepareError::Nothing(error.to_string()))
 }
 
 /// Bounds the values of a law: the torques are those of the motors, so what takes power never lowers them.

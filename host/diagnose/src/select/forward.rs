@@ -111,7 +111,7 @@ pub fn forward_selection<P: RegressionProblem>(
             best = tried.refitted.remove(kept);
             rivals = tried.refitted;
             let n_added = problem.n_effects(&best.fit) - n_before;
-            while let Some(without) = drop_one(problem, &best, [n_known, n_tried, n_added])? {
+            while let Some(without) = drop_one(problem, &best, n_known, n_tried, n_added)? {
                 best = without;
                 rivals.clear();
             }
@@ -227,7 +227,9 @@ fn exchanged<P: RegressionProblem>(problem: &P, best: &Trial<P>, n_known: usize)
 fn drop_one<P: RegressionProblem>(
     problem: &P,
     best: &Trial<P>,
-    [n_known, n_tried, n_added]: [usize; 3],
+    n_known: usize,
+    n_tried: usize,
+    n_added: usize,
 ) -> Result<Option<Trial<P>>, P::Error> {
     let n = problem.n_effects(&best.fit);
     if n < n_known + 2 {

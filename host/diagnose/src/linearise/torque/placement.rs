@@ -98,13 +98,14 @@ pub(super) struct Misplaced {
 }
 
 impl Misplaced {
-    /// Of a robot in these states, one a row; columns are taken at a placement, with bodies, ten values each, that are off by
-    /// so much.
+    /// Of a robot in these states, one a row; columns are taken at the placement `near`, where the inertial parameters of the
+    /// bodies, ten each, are off by `bodies`.
     pub(super) fn new(
         robot: &Robot,
         states: Vec<[Vec<f64>; 3]>,
         carried: Vec<Carried>,
-        (near, bodies): (Placement, &[f64]),
+        near: Placement,
+        bodies: &[f64],
     ) -> Result<Self, TreeError> {
         let mut own = Self { tree: robot.link_tree()?, states, carried, near, more: None, moves: Vec::new() };
         let trees = own.trees(bodies, |tree| under(&tree, own.near.gravity));

@@ -126,8 +126,8 @@ fn holds([low, high]: [f64; 2], value: f64, within: f64) {
 }
 
 fn candidates(robot: &Robot, states: &[[Vec<f64>; 3]], sites: &[Site]) -> Vec<Candidate> {
-    let near = (Placement::of(robot, sites, &[]), &vec![0.0; 10 * robot.joints.len()][..]);
-    Misplaced::new(robot, states.to_vec(), vec![None; states.len()], near).unwrap().candidates(robot, sites)
+    let (near, off) = (Placement::of(robot, sites, &[]), vec![0.0; 10 * robot.joints.len()]);
+    Misplaced::new(robot, states.to_vec(), vec![None; states.len()], near, &off).unwrap().candidates(robot, sites)
 }
 
 #[test]
@@ -172,8 +172,8 @@ fn what_columns_leave_out_of_moved_robots_is_added() {
     // A payload of 2 kg at the link's origin, and joint 3 and the base far from their places.
     let (offset, turn, mut off) = (0.2, Vec3::new(0.0, 0.15, 0.0), vec![0.0; bodies]);
     off[10 * JOINTS] = 2.0;
-    let nominal = (Placement::of(&robot, &sites, &[]), &vec![0.0; bodies][..]);
-    let misplaced = Misplaced::new(&robot, states.clone(), carried.clone(), nominal).unwrap();
+    let nominal = Placement::of(&robot, &sites, &[]);
+    let misplaced = Misplaced::new(&robot, states.clone(), carried.clone(), nominal, &vec![0.0; bodies]).unwrap();
     assert_eq!(misplaced.beyond(&[&off[..], &[0.0; 5]].concat()), None);
     let beyond = |misplaced: &Misplaced, sizes: [f64; 2]| {
         let candidates = misplaced.candidates(&robot, &sites).into_iter().flat_map(|one| one.values);
@@ -197,8 +197,8 @@ fn what_columns_leave_out_of_moved_robots_is_added() {
         effect(LawName::JointOffset, &sites[2].code, [("offset", 0.19)]),
         effect(LawName::BaseTilt, "the base", [("second turn across", 0.14)]),
     ];
-    let near = (Placement::of(&robot, &sites, &found), &off[..]);
-    let misplaced_near = Misplaced::new(&robot, states.clone(), carried.clone(), near).unwrap();
+    let near = Placement::of(&robot, &sites, &found);
+    let misplaced_near = Misplaced::new(&robot, states.clone(), carried.clone(), near, &off).unwrap();
     let [far, near] = [&misplaced, &misplaced_near].map(|misplaced| beyond(misplaced, [offset, turn.y]));
     for (row, state) in states.iter().enumerate() {
         let shown = if carried[row].is_some() { loaded(2.0, Vec3::zeros()) } else { tx40() };
@@ -324,7 +324,7 @@ fn joints_that_only_the_log_has_are_reported() {
     let findings = |robot: &Robot| {
         let table = Table::read_text(Path::new("a.csv"), text.as_bytes(), &Names::new()).unwrap().0;
         let data = Prepared::new(table, &Preparation::default(), None).unwrap();
-        experiment(&data, robot, None, (&[], None), &Progress::default()).unwrap().findings
+        experiment(&data, robot, None, &[], None, &Progress::default()).unwrap().findings
     };
     assert!(findings(&tx40())[0].text.starts_with("the log has joints 5 to 6, the model has 4 joints"));
     assert_eq!(findings(&locked(&[])), []);
