@@ -60,7 +60,7 @@ impl CalibrateOptions {
     /// How far the pose at the frames may be from the predicted one, in units of the repeatability, where no goal is given:
     /// a fifth adds 2 % to what is measured there.
     const DEFAULT_GOAL: f64 = 0.2;
-    /// The same where nothing was found, of the candidate effect that is determined worst.
+    /// The goal in units of the repeatability where nothing was found: that of the candidate effect that is determined worst.
     const DEFAULT_GOAL_OF_NOTHING: f64 = 0.5;
 
     /// How far the pose at the frames may be from the predicted one after this diagnosis, m.

@@ -35,7 +35,7 @@ pub struct ArmCorrection {
     pub best_effects: Vec<Effect<f64>>,
     /// Whether they are named.
     pub(crate) is_named: bool,
-    /// The same with what no law explains as fitted terms; `None` where there is nothing to keep.
+    /// The best model with what no law explains as fitted terms; `None` where there is nothing to keep.
     pub with_terms: Option<WithTerms>,
 }
 

@@ -252,7 +252,7 @@ pub fn diagnose_table(
     diagnose_table_read(model, table, Vec::new(), options)
 }
 
-/// The same; `findings` are those of reading the table.
+/// Diagnoses a table; `findings` are those of reading it.
 fn diagnose_table_read(
     model: &Model,
     table: &Table,

@@ -64,10 +64,10 @@ pub struct Site {
     /// The place.
     #[serde(skip)]
     pub place: Place,
-    /// The same in files and reports, unambiguous: `actuator 4, state 1`, `joint 3 (elbow)`.
+    /// The place in files and reports, unambiguous: `actuator 4, state 1`, `joint 3 (elbow)`.
     #[serde(rename = "where")]
     pub code: String,
-    /// The same in a sentence.
+    /// The place in a sentence.
     #[serde(rename = "place_name")]
     pub name: String,
 }

@@ -13,7 +13,7 @@ use darm_measure::{Finding, ReadError};
 
 /// Training words without which nothing can be said: two in each part that is left out in turn.
 pub const MIN_WORDS: usize = 2 * FOLDS;
-/// The same of rows of signals.
+/// Training rows of signals without which nothing can be said: two in each part that is left out in turn.
 pub const MIN_ROWS: usize = 2 * FOLDS;
 /// Pieces of training rows without which nothing can be said.
 pub const MIN_PIECES: usize = 16;

@@ -68,7 +68,7 @@ pub enum FilesError {
     /// The model cannot be read, or the corrected one not be written.
     #[error(transparent)]
     Model(#[from] ModelError),
-    /// The same of an arm.
+    /// The arm cannot be read, or the corrected one not be written.
     #[error(transparent)]
     Arm(#[from] ArmError),
     /// The measurements cannot be read.
@@ -179,7 +179,7 @@ impl FileDiagnosis {
         })
     }
 
-    /// The same as a text, for a file beside that of the model, with its number.
+    /// The corrected model as a text, for a file beside that of the model, with its number.
     pub fn corrected_text(&self, keep: Keep) -> Option<(u64, String)> {
         match &self.correction {
             Correction::Arm(_) => {

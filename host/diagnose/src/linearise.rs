@@ -30,7 +30,7 @@ use experiment::{Experiment, Moving, TableColumns};
 use model::{Model, Predictor};
 use torque::Near;
 
-/// The experiment of each kind of measurement: a new kind is a variant of [`What`] and its line here.
+/// The experiment of each kind of measurement: a new kind is a variant of [`Predictor`] and its line here.
 ///
 /// # Errors
 ///
@@ -39,7 +39,8 @@ pub(crate) fn linearise(model: &Model, data: &Prepared) -> Result<Experiment, Di
     linearise_near(model, data, None, &Progress::default())
 }
 
-/// The same near a model that was found: its laws' constants and its columns are those that it gives.
+/// The experiment near a model that a search found: `near` gives the constants of the laws and the point at which columns are
+/// taken.
 ///
 /// # Errors
 ///

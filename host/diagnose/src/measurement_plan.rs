@@ -190,7 +190,7 @@ pub fn candidates(arm: &Arm, seed: u64) -> Vec<PlanStep> {
     drawn(arm, seed, COMPETING)
 }
 
-/// The same with up to `n` words.
+/// Words, each once, that could be visited: all of them, or `n` drawn ones where there are more.
 pub(crate) fn drawn(arm: &Arm, seed: u64, n: usize) -> Vec<PlanStep> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let states: Vec<u64> = (0..arm.n_actuators()).map(|k| arm.model.chain.n_states(k) as u64).collect();
@@ -294,7 +294,7 @@ pub fn as_run(arm: &Arm, steps: &[PlanStep], supply: f64, temperature_k: f64) ->
     Run { samples, ..Run::default() }
 }
 
-/// The same away from nominal supply and temperature, so that effects of either show.
+/// The visits as a run away from nominal supply and temperature, so that effects of either show.
 fn run_off_nominal(arm: &Arm, steps: &[PlanStep]) -> Run {
     as_run(arm, steps, AWAY.0 * arm.model.nominal_supply, arm.model.reference_temperature_k + AWAY.1)
 }

@@ -97,7 +97,7 @@ pub struct Diagnosis {
     pub condition: Option<f64>,
     /// What to measure to distinguish alternatives; `None` where there are none.
     pub next_measurement: Option<NextMeasurement>,
-    /// The same for a person, a sentence each.
+    /// The outcome for a person, a sentence each.
     pub plain: Vec<String>,
     /// Effects that the user rejected: they were no candidates.
     pub rejected: Vec<Rejection>,
@@ -346,7 +346,7 @@ pub struct Outlier {
     pub line: usize,
     /// The norm of its error.
     pub error: Number,
-    /// The same in units of the noise.
+    /// The norm of its error in units of the noise.
     pub sigmas: f64,
 }
 
@@ -384,7 +384,7 @@ pub struct Point {
     pub held_out: bool,
     /// The residual's axes before, in the order of the error's axes.
     pub before: Vec<f64>,
-    /// The same after.
+    /// The residual's axes with the effects found.
     pub after: Vec<f64>,
     /// The visit of an arm.
     #[serde(flatten)]
@@ -405,6 +405,6 @@ pub struct Visit {
     pub temperature_c: Option<f64>,
     /// Distance d between predicted and measured pose of the model as it was, m.
     pub before_m: f64,
-    /// The same with the effects found, m.
+    /// Distance d of the model with the effects found, m.
     pub after_m: f64,
 }

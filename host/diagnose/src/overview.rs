@@ -40,7 +40,7 @@ pub struct Overview {
     pub held_out: HeldOutOverview,
     /// Units that look wrong, as questions.
     pub questions: Vec<Finding>,
-    /// The same, by column and unit.
+    /// The questions, by column and unit.
     #[serde(skip)]
     pub doubts: Vec<UnitDoubt>,
     /// Conditions that are not read; empty of a log without words.

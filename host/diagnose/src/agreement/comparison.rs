@@ -269,7 +269,7 @@ pub(super) struct ResidualError {
     pub(super) log: f64,
     /// Root mean square of these axes together.
     pub(super) norm: f64,
-    /// The same as a share of what was measured.
+    /// That root mean square as a share of what was measured.
     share: f64,
     /// Sum over the axes of the logarithm of the error in each piece of rows, rows that are far off drawn near.
     pieces: Vec<f64>,

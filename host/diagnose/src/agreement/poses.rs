@@ -232,7 +232,7 @@ impl Comparison<'_> {
         Ok(all)
     }
 
-    /// The same of an axis of the positions.
+    /// Readings of one axis of the positions in another unit of length, with their errors.
     fn of_length_units(&self, as_read: &ReadRows, k: usize, axis: char) -> Result<Vec<(Misreading, f64)>, Cancelled> {
         let read = LENGTH_UNITS.into_iter().flat_map(|times| [times, 1.0 / times]).map(|factor| {
             let misreading = Misreading::ColumnScale { columns: vec![format!("{axis} of the poses")], factor };

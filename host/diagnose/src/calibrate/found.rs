@@ -81,8 +81,8 @@ pub(super) fn of_named(task: &Task, run: &Run, effects: &[Effect<f64>]) -> Resul
     Ok(width * slopes.at_frames_m(&of_values))
 }
 
-/// The same for the candidate, each alone, whose values these rows determine worst: what an arm in which nothing was found
-/// may still be missing.
+/// How far the pose at the frames may be off by what an arm in which nothing was found may still be missing: by the candidate,
+/// each taken alone, whose values these rows determine worst.
 pub(super) fn of_any(task: &Task, run: &Run, next: &[PlanStep]) -> Result<f64, NoPose> {
     let sigma = task.sigma(run);
     let conditions = run.settled_or_nominal(task.arm);

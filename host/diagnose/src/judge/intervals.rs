@@ -108,8 +108,8 @@ fn by_shape(selected: &SelectedSignals, indices: &[usize], inverse: &DMatrix<f64
     variances
 }
 
-/// The same law at its place with the next smaller and the next larger number in its shape, where the model has not both
-/// and something lies between them: not so of two periods.
+/// The candidates of this law at this place with the next smaller and the next larger number in their shape, without those
+/// that the model has, and those whose columns differ too much for a value between them, such as two periods.
 fn next_shapes(selected: &SelectedSignals, candidate: usize) -> impl Iterator<Item = usize> {
     let SelectedSignals { problem, best, .. } = selected;
     let all = &problem.experiment.candidates;

@@ -39,7 +39,7 @@ impl AxisLeft {
         Self::of(axis, residuals, fitted, |_| noise, noise_dof as f64)
     }
 
-    /// The same beside numbers that are of the noise alone, of which as large a share does not count.
+    /// What is left of an axis beside a sample of the noise alone: as large a share of the sample does not count.
     pub(crate) fn over_sample(
         axis: usize,
         residuals: &[f64],

@@ -24,7 +24,8 @@ const FEW: usize = 6;
 const MAX_TERMS: usize = 4;
 /// Periods of a wave in the range of its channel.
 const WAVES: u8 = 8;
-/// The same in time, and of postures: a robot's tool is measured in few rows, and gears and instruments have short periods.
+/// Periods of a wave in time, and in the range of postures: a robot's tool is measured in few rows, and gears and instruments have
+/// short periods.
 const WAVES_IN_TIME: u8 = 32;
 const WAVES_OF_POSTURES: u8 = 48;
 /// The channel of the time.

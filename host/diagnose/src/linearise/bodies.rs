@@ -21,7 +21,8 @@ pub(crate) fn candidate(
     with_priors(index, site, inertial_parameters, prior_deviations(inertial_parameters, robot_kg), columns)
 }
 
-/// The same of a body which may carry what the model does not have, or which is that itself.
+/// A candidate that changes the inertial parameters of a body which may carry what the model does not have, or which is such a
+/// load itself.
 pub(crate) fn carrying(
     index: usize,
     site: Site,

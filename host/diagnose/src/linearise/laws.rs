@@ -13,7 +13,7 @@ use darm_measure::signal::rate;
 
 /// v₀ over the root mean square of v: from a friction that reverses at once, between two rows, to one that hardly does.
 const CREEP: [f64; 5] = [0.003, 0.0125, 0.05, 0.2, 0.5];
-/// The same of friction that wears.
+/// v₀ over the root mean square of v, of friction that wears.
 const WEARING_CREEP: f64 = 0.05;
 /// v_s over the root mean square of v.
 const STRIBECK: [f64; 3] = [0.1, 0.3, 1.0];

@@ -113,7 +113,7 @@ impl Spectrum {
         column
     }
 
-    /// The same with length one; `None` of a column that the plain ones have.
+    /// What a column has beside the plain ones, scaled to length one; `None` where it has nothing beside them.
     fn unit_without_plain(&self, column: Vec<f64>) -> Option<Vec<f64>> {
         let before = dot(&column, &column).sqrt();
         unit(self.without_plain(column), before)

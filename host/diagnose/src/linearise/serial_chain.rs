@@ -26,7 +26,7 @@ use darm_robot::robot::{Robot, RobotFrame};
 /// How far each kind of value may be off before anything is measured; that of twice the angle is an order of the disc's error
 /// smaller. The last one is that of an encoder's scale.
 const PRIORS: [f64; 6] = [0.02, 0.005, 1e-4, 0.005, 1e-3, 1e-3];
-/// The same of the tool's place, m, and of its turn, rad.
+/// How far the tool's place, m, and its turn, rad, may be off before anything is measured.
 const TOOL_PRIORS: [f64; 2] = [0.02, 0.05];
 /// The names of the values of `joint-offset`, of `axis-error`, of `link-error`, and of `tool-frame`.
 pub(super) const OFFSET: [&str; 1] = ["offset"];

@@ -63,7 +63,7 @@ struct Motion {
 }
 
 impl Motion {
-    /// The same where joints are not where their encoders show them.
+    /// The motion of joints that are not where their encoders show them.
     fn placed(&self, placement: &Placement) -> Self {
         let of_joint = |(shown, offset): (&Vec<f64>, &f64)| shown.iter().map(|q| q + offset).collect();
         let q = self.q.iter().zip(&placement.offsets).map(of_joint).collect();

@@ -41,7 +41,7 @@ impl Possible {
         Self { lines: lines.iter().map(ToString::to_string).collect(), ..self }
     }
 
-    /// The same, with what is missing where `is_missing`.
+    /// Adds what is missing, where `is_missing`.
     fn better_with(mut self, is_missing: bool, what: impl Into<String>) -> Self {
         self.missing.extend(is_missing.then(|| what.into()));
         self

@@ -123,7 +123,7 @@ impl Observations {
         self.rows.iter().map(|row| row.group).collect()
     }
 
-    /// The same rows scaled by another noise.
+    /// Scales the residuals by another noise.
     pub fn with_noise(mut self, sigma: [f64; 6]) -> Self {
         self.sigma = sigma;
         self

@@ -201,7 +201,7 @@ impl Prepared {
         Ok(self.thin(&self.filtered(self.required(quantity)?.into_owned(), &self.all.grid)))
     }
 
-    /// The same where there is one.
+    /// The signal of a quantity, filtered as [`channel`](Self::channel) does; `None` where no column holds it.
     pub fn optional(&self, quantity: &str) -> Option<Vec<f64>> {
         self.raw(quantity).map(|numbers| self.thin(&self.filtered(numbers.into_owned(), &self.all.grid)))
     }

@@ -32,7 +32,7 @@ pub struct SelectionStep {
     pub values: usize,
     /// Cross-validated error with it, in the unit of the observation's norm.
     pub cross_validated: f64,
-    /// The same without it.
+    /// Cross-validated error without it.
     pub without: f64,
     /// Chance of such a gain where there is none, times the number of effects tried.
     pub p: f64,

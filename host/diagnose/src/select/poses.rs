@@ -22,7 +22,8 @@ use crate::progress::{Cancelled, Progress};
 use darm_arm::arm::{ArmModel, ArmScratch};
 use darm_measure::root_mean_square;
 
-/// A fall expected to be less than this many standard errors may not be seen on the rows held out.
+/// Held-out rows may not show an effect that is expected to lower their squares by less than this many standard errors: they do
+/// not veto it then.
 const ERRORS_TO_SHOW: f64 = 4.0;
 
 /// Why there is no model of tool poses.
@@ -78,22 +79,22 @@ impl ToolPoses {
         Self { training, held_out, folds, rejected: Vec::new(), levels, progress: Progress::default() }
     }
 
-    /// The same, tested at other levels.
+    /// Sets the levels of the tests.
     pub fn with_levels(self, levels: Levels) -> Self {
         Self { levels, ..self }
     }
 
-    /// The same, reporting how far the selection is.
+    /// Reports to `progress` how far the selection is.
     pub fn with_progress(self, progress: Progress) -> Self {
         Self { progress, ..self }
     }
 
-    /// The same rows without these candidates.
+    /// Excludes these candidates.
     pub(crate) fn without(self, rejected: Vec<Effect<f64>>) -> Self {
         Self { rejected, ..self }
     }
 
-    /// The same rows in units of another noise.
+    /// Scales the residuals of all rows by another noise.
     pub fn with_noise(self, sigma: AxisNoise) -> Self {
         let (training, held_out) = (self.training.with_noise(sigma), self.held_out.with_noise(sigma));
         Self { training, held_out, ..self }

@@ -106,7 +106,8 @@ pub struct Weighting {
 }
 
 impl Weighting {
-    /// The same rows and weights where the residuals are other ones at zero. The sums of all rows stay behind.
+    /// This weighting with the residuals of another linearisation, whose columns are the same. `sums` stay as they are: no
+    /// cross-validated fit reads them.
     fn at(&self, linearised: Arc<Linearised>) -> Self {
         let zeros = linearised.zero.iter().zip(&self.linearised.zero);
         let more: Vec<f64> = zeros.zip(&*self.weights).map(|((new, old), weight)| weight * (new - old)).collect();
@@ -130,7 +131,7 @@ impl Weighting {
 }
 
 impl Linearised {
-    /// The same columns, with residuals that are off by so much.
+    /// This linearisation with `more` added to its residuals.
     fn with(&self, more: &[f64]) -> Self {
         let zero = self.zero.iter().zip(more).map(|(zero, more)| zero + more).collect();
         Self { columns: Arc::clone(&self.columns), zero }
@@ -165,7 +166,7 @@ impl Signals {
         }
     }
 
-    /// The same, reporting how far the selection is.
+    /// Reports to `progress` how far the selection is.
     pub fn with_progress(self, progress: Progress) -> Self {
         Self { progress, ..self }
     }
@@ -231,20 +232,15 @@ impl Signals {
                 let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
                 let columns = DesignMatrix::new(&self.groups, self.experiment.axes.len(), &columns);
                 let moved = columns.moved_all(values);
-                let zero = self
-                    .experiment
-                    .training_rows(&residuals)
-                    .iter()
-                    .zip(&moved)
-                    .map(|(own, moved)| own - moved)
-                    .collect();
+                let own = self.experiment.training_rows(&residuals);
+                let zero = own.iter().zip(&moved).map(|(own, moved)| own - moved).collect();
                 Arc::new(Linearised { columns: Arc::new(columns), zero })
             }
         })
     }
 
-    /// Where the residuals of a model are not as linear as its fit took them, what they are near it; `None` where the loss
-    /// would hardly change.
+    /// The linearisation at the values of a model. `None` where the fit of the model assumed nearly the same residuals: where
+    /// the squares of their differences, in units of the noise, add up to [`NEGLIGIBLE_LOSS`] at the most.
     fn moved_on(&self, model: &Trial<Self>) -> Result<Option<Arc<Linearised>>, Cancelled> {
         let Curvature::Beyond(_) = &self.experiment.curvature else { return Ok(None) };
         let (linearised, assumed) = (self.linearise(&model.fit.values)?, &model.weighting.linearised);
@@ -373,8 +369,9 @@ fn in_noise(mut numbers: Vec<f64>, sigma: &[f64]) -> Vec<f64> {
     numbers
 }
 
-/// Each candidate by itself, then each law that has several places at all of them, but for what they have in common; of a law with several shapes the first
-/// of each place together, the second, and so on.
+/// The candidates of each move. First come the candidates, each by itself. Then come the laws that have several places, each
+/// at all of them except what all joints have in common. A law whose candidates differ in shape gives one move for the
+/// first shape of every place, one for the second, and so on.
 fn moves(candidates: &[Candidate]) -> Vec<Vec<usize>> {
     let mut shapes: BTreeMap<(LawName, usize), Vec<usize>> = BTreeMap::new();
     for (k, candidate) in candidates.iter().enumerate().filter(|(_, candidate)| !candidate.is_common()) {

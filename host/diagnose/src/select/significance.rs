@@ -4,7 +4,7 @@
 //! | --- | --- | --- |
 //! | is there more than noise? | residuals against repeats: F, one-sided | [`STRUCTURE_LEVEL`] |
 //! | does an effect predict words that it was not fitted to? | reduction of the cross-validated squares, word by word: t, one-sided, times the number of effects tried (Bonferroni) | [`DISCOVERY_LEVEL`] |
-//! | do all effects together predict held-out words? | the same on the held-out words, once, for the verdict | [`CONFIRMATION_LEVEL`] |
+//! | do all effects together predict held-out words? | reduction of the squares on the held-out words, once, for the verdict: t, one-sided | [`CONFIRMATION_LEVEL`] |
 //! | is another effect as good? | reduction from it to the best, word by word: t, one-sided | [`RIVAL_LEVEL`], of signals at another place [`SIGNAL_RIVAL_LEVEL`] |
 
 use std::collections::BTreeMap;
@@ -21,8 +21,8 @@ pub const DISCOVERY_LEVEL: f64 = 0.01;
 pub const CONFIRMATION_LEVEL: f64 = 0.025;
 /// An effect worse than the best one with at least this confidence is not its rival.
 pub const RIVAL_LEVEL: f64 = 0.05;
-/// The same of signals where the other effect is at another place: two there often add the same, a weight at an elbow say, and
-/// the wrong one is named with this chance.
+/// Takes the place of [`RIVAL_LEVEL`] between effects of signals at different places. Two such effects often add the same to the signals,
+/// a weight at an elbow for example; the wrong one is named with this chance.
 pub const SIGNAL_RIVAL_LEVEL: f64 = 0.01;
 
 /// The levels of the tests on tool poses: those of one diagnosis, or of one of several on the same measurement.
@@ -113,8 +113,8 @@ pub(crate) fn dof_of_groups(weights: impl Iterator<Item = f64>) -> f64 {
     sum * sum / squares - 1.0
 }
 
-/// The same by the losses of each group before and after: t over the groups' falls and over their relative falls, which
-/// lie within ±1; the smaller chance counts twice.
+/// The reduction of the loss from the losses of each group before and after it. Two t-tests ask whether the mean fall of the
+/// groups, and their mean relative fall, which lies within ±1, is above zero; p is twice the smaller chance.
 ///
 /// It holds where groups differ in size and what remains has separate structure in every group. What does not lower the
 /// sum is no fall.

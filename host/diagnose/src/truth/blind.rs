@@ -148,7 +148,7 @@ impl Blind {
         self.spoiled.extend(more);
     }
 
-    /// The same without noise and outliers. To be read once the verdict is written.
+    /// The measurement without noise and outliers. To be read once the verdict is written.
     pub fn clean(&self) -> &Run {
         &self.clean
     }

@@ -128,7 +128,7 @@ pub struct Sealed {
     pub unit: &'static str,
     /// Error that it was sized for, at the desired frames or over a run, as a distance d, root mean square, m.
     pub desired_error_m: f64,
-    /// The same in units of the camera's scatter.
+    /// That error in units of the camera's scatter.
     pub times_scatter: f64,
     /// The seed.
     pub seed: u64,

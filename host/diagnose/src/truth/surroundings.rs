@@ -68,7 +68,7 @@ impl Surroundings {
         }
     }
 
-    /// The same with wide swings of supply and temperature that have nothing to do with each other.
+    /// Surroundings with wide swings of supply and temperature that have nothing to do with each other.
     pub(crate) fn draw_wide(rng: &mut impl Rng, nominal_supply: f64, reference_temperature_k: f64) -> Self {
         let settled = Self::draw(rng, nominal_supply, reference_temperature_k);
         Self {

@@ -223,7 +223,7 @@ fn turned(gravity: &Vec3<f64>, turn: &Vec3<f64>) -> Vec3<f64> {
     rotation_exp(&-turn) * gravity
 }
 
-/// The same robot where another gravity pulls.
+/// A robot under another gravity.
 fn under(tree: &LinkTree, gravity: Vec3<f64>) -> LinkTree {
     let mut tree = tree.clone();
     tree.gravity = gravity;

@@ -79,8 +79,8 @@ fn or_empty(problem: &Signals, known: Vec<usize>, best: Trial<Signals>, path: Ve
     Ok(if is_better { (best, path) } else { (empty, Vec::new()) })
 }
 
-/// One candidate for each law at each place, the middle one of its shapes, after those that are known; not what all joints have in
-/// common, which is the sum of what each of them has.
+/// The candidates `known`, and for every other law at every place one candidate, that with the middle one of the shapes. What
+/// all joints have in common is left out: it is the sum of what each joint has.
 pub(crate) fn every_law(problem: &Signals, known: &[usize]) -> Vec<usize> {
     let candidates = &problem.experiment.candidates;
     let mut active = known.to_vec();
@@ -95,7 +95,8 @@ pub(crate) fn every_law(problem: &Signals, known: &[usize]) -> Vec<usize> {
     active
 }
 
-/// The same with the shapes that predict best, one law after the other, all its places alike.
+/// Gives each law of a model the shape that predicts unseen rows best, one law after the other. A law has one shape at all its
+/// places; the first `n_known` candidates keep theirs.
 fn best_shapes(problem: &Signals, mut best: Trial<Signals>, n_known: usize) -> Result<Trial<Signals>, Cancelled> {
     let candidates = &problem.experiment.candidates;
     let families = problem.moves().map(|family| problem.candidates_of(family));

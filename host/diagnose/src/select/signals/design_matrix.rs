@@ -108,14 +108,14 @@ impl DesignMatrix {
         moved
     }
 
-    /// The same in all rows that a fit sees.
+    /// What values of these sizes add in all rows that a fit sees.
     pub(super) fn moved_all(&self, sizes: &[f64]) -> Vec<f64> {
         let mut all = vec![0.0; self.rows.iter().map(Vec::len).sum::<usize>() * self.values.len()];
         (0..self.n_folds()).for_each(|fold| self.put(fold, &self.moved(fold, sizes), &mut all));
         all
     }
 
-    /// The same for each column of sizes, axis by axis: rows of the fold × columns.
+    /// What the values add in the rows of a fold for each column of `sizes`, axis by axis: rows of the fold × columns.
     pub(super) fn moved_by_each(
         &self,
         fold: usize,

@@ -62,7 +62,7 @@ impl System {
         self.sum(a, b) * self.scale[a] * self.scale[b] + ridge
     }
 
-    /// The same equations with this added to the sums of g, in the values' units.
+    /// Adds `more`, in the values' units, to the sums of g.
     pub(super) fn with(&self, more: &DVector<f64>) -> Self {
         let gradient = &self.gradient + more.component_mul(&self.scale) / self.autocorrelation_time;
         Self { gradient, ..self.clone() }

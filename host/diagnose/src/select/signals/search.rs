@@ -8,8 +8,8 @@ use crate::select::forward::forward_selection;
 use crate::select::problem::{RegressionProblem as _, Trial};
 use crate::select::significance::RIVAL_LEVEL;
 
-/// The same where another search near this one selected `before`: the better one of the model that is selected here and of what
-/// is left of that one.
+/// Selects a model as [`select`] does, and compares it with what elimination leaves of `before`, the effects that the search
+/// before selected near another model. Returns the better one of the two.
 ///
 /// # Errors
 ///

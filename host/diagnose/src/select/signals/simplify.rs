@@ -74,13 +74,14 @@ fn smaller(problem: &Signals, best: &Trial<Signals>, n_known: usize) -> Replacem
     uncoupled(problem, best, n_known)
 }
 
-/// The model with a law at two joints in the place of the same at their sum and at their difference, where it does as well.
+/// Replaces a law at the sum and at the difference of two joints by that law at each of the two joints, where the model then
+/// predicts unseen rows as well.
 fn uncoupled(problem: &Signals, best: &Trial<Signals>, n_known: usize) -> Replacement {
     let mut sums = n_known..best.fit.active.len();
     sums.find_map(|sum| uncoupled_at(problem, best, n_known, sum).transpose()).transpose()
 }
 
-/// The same where `sum` is the number of the effect at the sum.
+/// Does what [`uncoupled`] does for one effect at a sum: that with the number `sum` in the model.
 fn uncoupled_at(problem: &Signals, best: &Trial<Signals>, n_known: usize, sum: usize) -> Replacement {
     let (candidates, active, under) = (&problem.experiment.candidates, &best.fit.active, problem.under(best));
     let own = &candidates[active[sum]];
