@@ -132,12 +132,13 @@ fn alike(bench: &Bench, added: &Added, members: &[&Alternative]) -> Result<bool>
     Ok(true)
 }
 
-/// What a law, fitted to the run, adds elsewhere, in units of the noise.
+/// The values that make `wanted` of these columns as well as they can.
 fn solved(columns: &DMatrix<f64>, wanted: &DVector<f64>) -> Result<DVector<f64>> {
     let parts = svd(columns).context("the columns have no singular values")?;
     parts.solve(wanted, MIN_SHARE).map_err(anyhow::Error::msg)
 }
 
+/// What a law, fitted to the run, adds elsewhere, in units of the noise.
 fn predicted(bench: &Bench, other: &Alternative, wanted: &DVector<f64>) -> Result<Option<DVector<f64>>> {
     let Some(elsewhere) = &bench.elsewhere else { return Ok(None) };
     let columns = |is_elsewhere| elsewhere.columns(other.law, &other.site, is_elsewhere);
