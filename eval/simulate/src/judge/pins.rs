@@ -177,6 +177,8 @@ impl Pins {
 
     /// The end of a tick in which the chain returns what is shifted into it, or does not.
     pub fn on_return(&mut self, now_ns: u64, has_return: bool) {
+        // The chips are counted in the first tick after a start: cut in that tick, the return is taken for one that nobody has wired.
+        self.has_return &= has_return || now_ns > self.started_ns + 2 * MS;
         let is_missed = self.has_return && !has_return && self.lines.high != 0;
         self.unreturned_ns = if is_missed { self.unreturned_ns.or(Some(now_ns)) } else { None };
         let Some(since_ns) = self.unreturned_ns.filter(|since_ns| now_ns - since_ns > self.ceilings.true_ns(RETURN_MS))
