@@ -88,6 +88,10 @@ pub struct World {
     host_link: u32,
     /// When a record of the store was damaged last.
     store_damaged_ns: Option<u64>,
+    /// When the firmware was started again last while the supply was on, and the lines that were on until then.
+    pub reset_ns: u64,
+    /// See [`reset_ns`](Self::reset_ns).
+    pub reset_lines: u64,
     disturbed_ns: u64,
     hostile_ns: Option<u64>,
     /// When the first and the second host sent something last that acts, ns.
@@ -183,6 +187,8 @@ impl World {
             inbox: VecDeque::new(),
             host_link: 0,
             store_damaged_ns: None,
+            reset_ns: 0,
+            reset_lines: 0,
             disturbed_ns: 0,
             hostile_ns: None,
             acted_ns: [None; 2],
@@ -478,7 +484,10 @@ impl World {
                     self.pins.on_edge(now_ns, pin as u8, high);
                 }
                 Physical::Bus { bytes, .. } => self.trace.mix(&bytes),
-                Physical::Reset => is_started = Some(false),
+                Physical::Reset => {
+                    (self.reset_ns, self.reset_lines) = (now_ns, before);
+                    is_started = Some(false);
+                }
                 Physical::Power(true) => is_started = Some(true),
                 Physical::Loader if self.bench.flash().chip() == Chip::Rp2040 => self.person.on_loader(now_ns),
                 Physical::Loader => {}

@@ -1,7 +1,5 @@
 //! The host's acts that need more than one request, each with what the judges learn from it.
 
-use std::cell::Cell;
-
 use darm_core::output::MAX_SERVOS;
 use darm_core::sequencer::{Command, Phase};
 use darm_core::wire::bootstrap::RebootTarget;
@@ -55,8 +53,6 @@ const LEFT_LATCHES: u32 = 4;
 const USES: u32 = 30;
 /// After the last byte of a stop, or after the emergency stop is pressed, all outputs are off within this time, ms.
 const STOP_MS: u64 = 6;
-/// An answer within this time is to the first copy of a request, ns.
-const QUICK_NS: u64 = 100_000_000;
 /// Two visits of the servos, and their answers.
 const VISITS_MS: u64 = 30;
 
@@ -319,22 +315,16 @@ impl Host<'_> {
             return;
         }
         world::pass(10 + seed % 50);
-        // Of the last request: the first may have been refused, rightly, before the lines went off.
-        let asked = Cell::new((0, 0));
-        let reboot = |client: &mut Client| {
-            asked.set(world::with(|world| (world.pins.high(), world.now_ns())));
-            client.reboot(RebootTarget::Application)
-        };
-        let is_accepted = self.ask("reboot", reboot).is_some();
-        let (lines, asked_ns) = asked.get();
+        let asked_ns = world::with(|world| world.now_ns());
+        let is_accepted = self.ask("reboot", |client| client.reboot(RebootTarget::Application)).is_some();
+        world::pass(SETTLE_MS);
         world::with(|world| {
-            // A request that was lost and repeated may come when the coil is off.
-            let is_quick = world.now_ns() < asked_ns + QUICK_NS;
-            if is_accepted && is_quick && lines != 0 && !world.has_other_acted_since(Party::First, asked_ns) {
+            // The request may have come when a fault had switched the coil off.
+            let lines = if world.reset_ns > asked_ns { world.reset_lines } else { 0 };
+            if is_accepted && lines != 0 && !world.has_other_acted_since(Party::First, asked_ns) {
                 world.reports.on_restart_under_way(world.now_ns(), lines);
             }
         });
-        world::pass(SETTLE_MS);
         self.renew();
     }
 

@@ -46,6 +46,8 @@ impl World {
         match act {
             WorldAct::PowerCut(_) => self.bench.power_off(),
             WorldAct::FlashCut(words, _) => self.bench.flash().fail_after(words, seed),
+            // Without power there is nothing to reset.
+            WorldAct::Reset if !self.bench.is_powered() => {}
             WorldAct::Reset => {
                 self.bench.reset();
                 self.recovering = Some((act.kind(), now_ns));
