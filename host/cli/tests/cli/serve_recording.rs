@@ -17,13 +17,14 @@ fn recording(home: &Home, board: &Board, visits: usize) -> (Serving, PathBuf) {
     let options = format!("--poses sim --data {} {}", folder.display(), board.port);
     let server = Serving::start(home, &options, ARM, &home.path("history.sqlite3"));
     server.wait(|live| live["link"]["state"] == "live");
-    let words: Vec<String> = (0..visits).map(|visit| format!("{:012b}", 0b1_0000_0001 << (visit % 4))).collect();
+    let visit = |k: usize| json!({"word": format!("{:012b}", 0b1_0000_0001 << (k % 4)), "dwell_s": 0.5});
+    let visits: Vec<Value> = (0..visits).map(visit).collect();
     let ask = |path: &str, key: &str, body: &Value| {
         let answer = server.ask("POST", path, key, body.to_string().as_bytes()).unwrap();
         assert!(answer["refused"].is_null(), "{path}: {answer}");
         answer
     };
-    let made = ask("/api/plan", "", &json!({"of": "words", "words": words, "dwell_s": 0.5}));
+    let made = ask("/api/plan", "", &json!({"of": "visits", "visits": visits, "may_rest": false}));
     let key = server.take_control();
     ask("/api/upload", &key, &json!({"table": made["digest"]}));
     ask("/api/record", &key, &json!({"table": made["digest"], "name": "run"}));
