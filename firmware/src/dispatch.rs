@@ -415,7 +415,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
     }
 
     /// Waits until the servos that a stop, or a start, is to hold have their orders.
-    async fn wait_until_held(&self) -> Result<Snapshot, Refusal> {
+    async fn wait_until_stopped(&self) -> Result<Snapshot, Refusal> {
         let mut now = self.snapshot().await?;
         while now.is_stopping {
             self.clock.wait_until(self.clock.now() + CYCLE).await;
@@ -426,7 +426,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
 
     /// Nothing runs and no servo moves: while a flash is written or the board restarts nobody looks after a servo.
     async fn require_idle(&self) -> Result<(), Refusal> {
-        let now = self.wait_until_held().await?;
+        let now = self.wait_until_stopped().await?;
         match now.phase {
             Phase::Idle | Phase::Safe(_) if now.is_moving => Err(Refusal::Busy),
             Phase::Idle | Phase::Safe(_) => Ok(()),

@@ -36,7 +36,7 @@ impl<'t, F: NorFlash, C: Clock> Dispatcher<'_, 't, F, C> {
         }
         self.shared.ask(Order::Configure(self.profile)).await;
         // While the flash is written nobody looks after a servo that an earlier run left on its way.
-        let _ = self.wait_until_held().await;
+        let _ = self.wait_until_stopped().await;
         if let Some(store) = &mut self.store {
             self.boots = store.count_boot().await.unwrap_or(0);
         }
