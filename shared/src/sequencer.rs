@@ -40,10 +40,10 @@ use switches::Switches;
 
 /// Outputs or actuators that one tick takes over.
 const TAKEN_A_TICK: usize = 12;
-/// A tick that comes later than this after the one before does not count against the servos: what delayed it delayed their task too.
+/// A tick that comes later than this after the one before says nothing of the servos: the servo task stalled too.
 const LATE: Micros = Micros::from_millis(2);
-/// A supply that is low is a fault when its measurements have added up to this: each low one adds [`LOW_SUPPLY`], each other takes one off. With
-/// a measurement each 10 ms a dip of 40 ms, such as that of a motor that starts, passes once in 0.84 s; a supply that
+/// What measurements of the supply below the threshold add up to before that is a fault, what each of them adds, and one that is not
+/// low takes off. With one each 10 ms a dip of 40 ms, such as that of a motor that starts, passes once in 0.84 s; a supply that
 /// collapses again and again, as one does that switches itself off at overload, does not.
 const MAX_LOW_SUPPLY: u8 = 100;
 const LOW_SUPPLY: u8 = 20;
@@ -70,10 +70,9 @@ pub struct Sequencer<'t> {
     /// When each servo answered last, without the time since then in which no tick ran.
     answered: [Option<Micros>; MAX_SERVOS],
     emergency_stop: bool,
-    /// The supply that was measured last, mV.
+    /// The supply that was measured last, mV, and in how many measurements in a row it was below the threshold.
     supply_mv: u16,
-    /// What low measurements of the supply have added up to, less what others took off: 0 to [`MAX_LOW_SUPPLY`].
-    low_supply_level: u8,
+    low_supply: u8,
     /// A row began in this tick.
     has_begun_row: bool,
     now: Micros,
@@ -98,7 +97,7 @@ impl<'t> Sequencer<'t> {
             answered: [None; MAX_SERVOS],
             emergency_stop: false,
             supply_mv: 0,
-            low_supply_level: 0,
+            low_supply: 0,
             has_begun_row: false,
             now: Micros(0),
             events: heapless::Deque::new(),
@@ -257,7 +256,7 @@ impl<'t> Sequencer<'t> {
         let wiring = self.table.as_deref().ok_or(CommandError::NoTable)?.wiring();
         match command {
             Command::Coil { coil, on_ms } => self.coils.pulse(self.now, coil, on_ms, wiring)?,
-            Command::Word(word) => self.coils.request_by_hand(self.now, word, wiring)?,
+            Command::Word(word) => self.coils.want(self.now, word, wiring)?,
             Command::Servo { servo, angle_rad } => self.turn_servo(servo, angle_rad)?,
             Command::Play | Command::Stop | Command::Clear => {}
         }
@@ -278,7 +277,7 @@ impl<'t> Sequencer<'t> {
         if self.emergency_stop {
             return Err(FaultKind::EmergencyStop);
         }
-        if let Some(min_mv) = self.profile.min_supply_mv.filter(|_| self.low_supply_level >= MAX_LOW_SUPPLY) {
+        if let Some(min_mv) = self.profile.min_supply_mv.filter(|_| self.low_supply >= MAX_LOW_SUPPLY) {
             return Err(FaultKind::Supply { mv: self.supply_mv, min_mv });
         }
         self.look_at_chain(seen)?;
@@ -309,9 +308,9 @@ impl<'t> Sequencer<'t> {
         let Some(mv) = seen.supply_mv else { return };
         self.supply_mv = mv;
         let is_low = self.profile.min_supply_mv.is_some_and(|min_mv| mv < min_mv);
-        let level = self.low_supply_level;
-        let changed = if is_low { level.saturating_add(LOW_SUPPLY) } else { level.saturating_sub(1) };
-        self.low_supply_level = changed.min(MAX_LOW_SUPPLY);
+        let changed =
+            if is_low { self.low_supply.saturating_add(LOW_SUPPLY) } else { self.low_supply.saturating_sub(1) };
+        self.low_supply = changed.min(MAX_LOW_SUPPLY);
     }
 
     /// What is between the board and the drivers.

@@ -26,10 +26,10 @@ pub(super) struct Coils<'t> {
     target: u64,
     /// Coils that are on.
     on: u64,
-    /// Coils that a command by hand has switched on for a time, which ends it.
-    by_hand_timed: u64,
-    /// Coils that commands by hand set, since a program ran or a stop came.
-    by_hand: u64,
+    /// Coils that a command by hand has switched on for a time.
+    timed: u64,
+    /// Coils that a command by hand concerns.
+    asked: u64,
     /// Coils of the loaded table.
     wired: u64,
     /// Coils that are latches.
@@ -77,8 +77,8 @@ impl<'t> Coils<'t> {
             wanted: Word::default(),
             target: 0,
             on: 0,
-            by_hand_timed: 0,
-            by_hand: 0,
+            timed: 0,
+            asked: 0,
             wired: 0,
             latches: 0,
             peaks: 0,
@@ -198,7 +198,7 @@ impl<'t> Coils<'t> {
         self.target = 0;
         self.on &= self.latches;
         self.unknown |= self.pulsing;
-        (self.pulsing, self.peaking, self.lines, self.by_hand_timed, self.by_hand) = (0, 0, 0, 0, 0);
+        (self.pulsing, self.peaking, self.lines, self.timed, self.asked) = (0, 0, 0, 0, 0);
     }
 
     /// Makes ready for the first row. The states of the latches are unknown from now on.
@@ -212,7 +212,7 @@ impl<'t> Coils<'t> {
     /// set, the supply is ready for as many coils as it can ever feed, every coil may have a peak again, and all that has flowed
     /// is counted, as it is before each pulse too.
     pub(super) fn set_latches(&mut self, now: Micros, word: Word) -> Result<bool, FaultKind> {
-        self.request(word);
+        self.ask(word);
         self.set_all(now, now, self.unknown & !(self.uncounted | self.ending))?;
         let ready = self.switched.room(now, &self.supply) == self.supply.new_coils;
         Ok(ready && now >= self.peaks_from && self.unknown | self.pulsing == 0 && self.is_counted())
@@ -245,7 +245,7 @@ impl<'t> Coils<'t> {
 
     /// Sets all digits at once, as a row says. The feed is counted at the row's own time `due`, which no late tick moves.
     pub(super) fn switch(&mut self, now: Micros, due: Micros, word: Word) -> Result<(), FaultKind> {
-        self.request(word);
+        self.ask(word);
         if !self.set_all(now, due, self.on ^ self.target)? {
             return Err(FaultKind::TooManyCoils);
         }
@@ -254,7 +254,7 @@ impl<'t> Coils<'t> {
     }
 
     /// The wanted word, and the coils that are on in it.
-    fn request(&mut self, word: Word) {
+    fn ask(&mut self, word: Word) {
         self.target = self.target_of(&word);
         self.wanted = word;
     }
@@ -299,7 +299,7 @@ impl<'t> Coils<'t> {
                 (output.changed, output.peak_from) = (now, now + output.pause);
             }
         }
-        for (index, _) in Bits::of(self.by_hand_timed & on) {
+        for (index, _) in Bits::of(self.timed & on) {
             if let Some(output) = self.outputs.get_mut(index) {
                 output.off_at = now + output.on_for;
             }

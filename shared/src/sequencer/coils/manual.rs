@@ -9,12 +9,7 @@ use crate::units::{Micros, Word};
 
 impl Coils<'_> {
     /// Asks for a word by hand; [`Coils::release`] sets it as the supply allows.
-    pub(in crate::sequencer) fn request_by_hand(
-        &mut self,
-        now: Micros,
-        word: Word,
-        wiring: &Wiring,
-    ) -> Result<(), CommandError> {
+    pub(in crate::sequencer) fn want(&mut self, now: Micros, word: Word, wiring: &Wiring) -> Result<(), CommandError> {
         if !wiring.has_word(&word) {
             return Err(CommandError::NotWired);
         }
@@ -24,9 +19,9 @@ impl Coils<'_> {
             let min_flow = if self.latches & bit == 0 { Micros(1) } else { self.burst(index) };
             self.require(now, index, min_flow)?;
         }
-        self.request(word);
-        self.by_hand_timed = 0;
-        self.by_hand = self.wired;
+        self.ask(word);
+        self.timed = 0;
+        self.asked = self.wired;
         Ok(())
     }
 
@@ -55,12 +50,12 @@ impl Coils<'_> {
                 output.on_for = on;
                 output.off_at = if is_on { now + on } else { Micros(u64::MAX) };
             }
-            self.by_hand_timed |= bit;
+            self.timed |= bit;
         } else {
-            self.by_hand_timed &= !bit;
+            self.timed &= !bit;
         }
-        self.by_hand |= bit;
-        self.request(word);
+        self.asked |= bit;
+        self.ask(word);
         Ok(())
     }
 
@@ -106,14 +101,14 @@ impl Coils<'_> {
     /// `a` for actuator `a`: those whose digit changes, and those whose latch gets a pulse, as after a stop, which makes every digit 0.
     pub(in crate::sequencer) fn release(&mut self, now: Micros) -> Result<u64, FaultKind> {
         let (before, pulsing) = (self.word, self.pulsing);
-        for (index, bit) in Bits::of(self.by_hand_timed) {
+        for (index, bit) in Bits::of(self.timed) {
             if self.outputs.get(index).is_some_and(|output| now >= output.off_at) {
-                self.by_hand_timed &= !bit;
-                self.request(self.with_coil(bit, false));
+                self.timed &= !bit;
+                self.ask(self.with_coil(bit, false));
             }
         }
         // A stop leaves latches as they are: no command for another coil resets them.
-        self.set_all(now, now, (self.on ^ self.target | self.unknown) & self.by_hand)?;
+        self.set_all(now, now, (self.on ^ self.target | self.unknown) & self.asked)?;
         // Each actuator is as its coils are: the supply may not have fed all of the word, and a latch that a stop left set, and
         // that was not requested since, is still set.
         let pulsed = self.actuators_of(self.pulsing & !pulsing);

@@ -21,7 +21,7 @@ pub(super) struct Output {
     /// How long it is on by hand, and when it goes off: counted from when the supply has let it be switched on.
     pub(super) on_for: Micros,
     pub(super) off_at: Micros,
-    /// When its current began or ended, first since its meter counted.
+    /// When its current began or ended last.
     pub(super) switched: Micros,
     /// Until when its meter has counted.
     pub(super) counted: Micros,
