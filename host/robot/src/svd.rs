@@ -2,9 +2,9 @@
 //!
 //! `nalgebra` 0.35 iterates without a bound: for ever where a number is not finite, and on some finite matrices too. The one in the tests is of a
 //! synthesis. Where it does not converge, the columns are turned against each other until they are orthogonal, which always does (one-sided Jacobi,
-//! Hestenes 1958): on 24 columns that takes about three times as long.
+//! Hestenes 1958): of a dense matrix with 24 columns in 695 µs in place of 25, of 6 × 7 in 3.7 in place of 2.5.
 
-use nalgebra::{DMatrix, DVector, Dyn, SVD};
+use nalgebra::{DMatrix, DVector, Dim, Dyn, Matrix, RawStorage, SVD};
 
 /// A decomposition of the library that converges takes about two steps a singular value.
 const STEPS_EACH: usize = 30;
@@ -13,18 +13,20 @@ const MAX_SWEEPS: usize = 60;
 
 /// U, singular values with the largest first, and Vᵀ; `None` where a number is not finite. Vectors of a singular value of zero may be zero on the
 /// side with more rows than singular values.
-pub fn svd(matrix: &DMatrix<f64>) -> Option<SVD<f64, Dyn, Dyn>> {
+pub fn svd<R: Dim, C: Dim>(matrix: &Matrix<f64, R, C, impl RawStorage<f64, R, C>>) -> Option<SVD<f64, Dyn, Dyn>> {
     if matrix.iter().any(|number| !number.is_finite()) {
         return None;
     }
-    let steps = STEPS_EACH * matrix.nrows().min(matrix.ncols()).max(1);
-    SVD::try_new(matrix.clone(), true, true, 5.0 * f64::EPSILON, steps).or_else(|| Some(by_rotations(matrix)))
+    let (rows, columns) = matrix.shape();
+    let own = || DMatrix::from_iterator(rows, columns, matrix.iter().copied());
+    let steps = STEPS_EACH * rows.min(columns).max(1);
+    SVD::try_new(own(), true, true, 5.0 * f64::EPSILON, steps).or_else(|| Some(by_rotations(own())))
 }
 
 /// By turning the columns of the taller of the matrix and its transpose.
-fn by_rotations(matrix: &DMatrix<f64>) -> SVD<f64, Dyn, Dyn> {
+fn by_rotations(matrix: DMatrix<f64>) -> SVD<f64, Dyn, Dyn> {
     let is_wide = matrix.ncols() > matrix.nrows();
-    let mut columns = if is_wide { matrix.transpose() } else { matrix.clone() };
+    let mut columns = if is_wide { matrix.transpose() } else { matrix };
     let n = columns.ncols();
     let mut turned = DMatrix::identity(n, n);
     for _ in 0..MAX_SWEEPS {
@@ -122,7 +124,7 @@ mod tests {
     fn rotations_decompose_wide_tall_and_empty_matrices() {
         for (rows, columns) in [(6, 3), (3, 6), (1, 1), (4, 4), (40, 7), (0, 3), (3, 0)] {
             let matrix = DMatrix::from_fn(rows, columns, |i, j| ((3 * i + 5 * j) % 7) as f64 - 2.5);
-            check(&matrix, &by_rotations(&matrix));
+            check(&matrix, &by_rotations(matrix.clone()));
         }
     }
 

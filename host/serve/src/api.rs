@@ -43,7 +43,7 @@ use serde_json::json;
 
 use crate::attached::PageId;
 use crate::console::ConsoleLine;
-use crate::control::{Grant, GrantNumber, LEASE};
+use crate::control::{ControlAt, ControlError, Grant, GrantNumber, LEASE};
 use crate::hub::Hub;
 use crate::order::Task;
 use crate::program::{Origin, Program};
@@ -245,7 +245,19 @@ pub(crate) async fn control(
     Json(request): Json<ControlRequest>,
 ) -> Answer<Granted> {
     let key = || key(&headers);
-    let changed = |()| Granted::NOTHING;
+    let kept = |act: fn(&mut ControlAt<'_>, u64) -> Result<(), ControlError>| {
+        let key = key()?;
+        hub.control(|control| act(control, key))?;
+        Ok::<_, Refused>(Granted::NOTHING)
+    };
+    let ended = |act: fn(&mut ControlAt<'_>, u64)| {
+        let key = key()?;
+        hub.control(|control| {
+            act(control, key);
+            Ok(())
+        })?;
+        Ok::<_, Refused>(Granted::NOTHING)
+    };
     let granted = match request {
         ControlRequest::Take { page } => {
             let name = hub.page_name(page);
@@ -259,38 +271,11 @@ pub(crate) async fn control(
             let key = key()?;
             hub.control(|control| control.resume(key, rand::random()))?.into()
         }
-        ControlRequest::Renew => {
-            let key = key()?;
-            hub.control(|control| control.renew(key)).map(changed)?
-        }
-        ControlRequest::HandOver => {
-            let key = key()?;
-            hub.control(|control| control.hand_over(key)).map(changed)?
-        }
-        ControlRequest::Refuse => {
-            let key = key()?;
-            hub.control(|control| {
-                control.refuse(key);
-                Ok(())
-            })
-            .map(changed)?
-        }
-        ControlRequest::Leave => {
-            let key = key()?;
-            hub.control(|control| {
-                control.leave(key);
-                Ok(())
-            })
-            .map(changed)?
-        }
-        ControlRequest::Release => {
-            let key = key()?;
-            hub.control(|control| {
-                control.release(key);
-                Ok(())
-            })
-            .map(changed)?
-        }
+        ControlRequest::Renew => kept(|control, key| control.renew(key))?,
+        ControlRequest::HandOver => kept(|control, key| control.hand_over(key))?,
+        ControlRequest::Refuse => ended(|control, key| control.refuse(key))?,
+        ControlRequest::Leave => ended(|control, key| control.leave(key))?,
+        ControlRequest::Release => ended(|control, key| control.release(key))?,
     };
     Ok(Json(granted))
 }

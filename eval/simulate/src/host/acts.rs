@@ -231,9 +231,8 @@ impl Host<'_> {
             let Some(pulsed) = world::with(|world| world.begin_pulse(coil, began_ns)) else { return };
             let ending = self.command("pulse", Command::Coil { coil, on_ms: PULSE_MS });
             world::pass(SETTLE_MS);
-            let may_come_late = pulsed.may_come_late(ending);
             world::with(|world| world.judge_pulse(Party::First, pulsed, ending));
-            if may_come_late {
+            if pulsed.may_come_late(ending) {
                 // The next command would give it another time.
                 return;
             }

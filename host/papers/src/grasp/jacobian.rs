@@ -17,7 +17,7 @@
 use darm_core::real::Vec3;
 use darm_core::se::Pose;
 use darm_robot::svd::svd;
-use nalgebra::{DMatrix, SMatrix, SVector};
+use nalgebra::{SMatrix, SVector};
 
 use super::contact::Contacts;
 use super::hand::{Axis, Hand, Placed};
@@ -107,7 +107,6 @@ pub fn smallest_step(jacobian: &Jacobian, rows: &Rows) -> Step {
     {
         return jacobian.tr_mul(&factor.solve(rows));
     }
-    let parts = svd(&DMatrix::from_iterator(jacobian.nrows(), jacobian.ncols(), jacobian.iter().copied()));
-    let step = parts.and_then(|parts| parts.solve(rows, TRUNCATED * parts.singular_values.max()).ok());
+    let step = svd(jacobian).and_then(|parts| parts.solve(rows, TRUNCATED * parts.singular_values.max()).ok());
     step.map_or_else(Step::zeros, |step| Step::from_iterator(step.iter().copied()))
 }

@@ -9,7 +9,6 @@
 //! those a sample is reported: again and again the posture farthest from all that were chosen before.
 
 use darm_core::ik::{Options, Status};
-use nalgebra::DMatrix;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
@@ -128,9 +127,7 @@ fn rank(problem: Problem<'_>, x: &[f64]) -> usize {
     if jacobian.is_empty() {
         return 0;
     }
-    let Some(parts) = svd(&DMatrix::from_iterator(jacobian.nrows(), jacobian.ncols(), jacobian.iter().copied())) else {
-        return 0;
-    };
+    let Some(parts) = svd(&jacobian) else { return 0 };
     let values = parts.singular_values;
     values.iter().filter(|value| **value > RANK * values.max()).count()
 }

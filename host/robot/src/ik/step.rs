@@ -42,8 +42,7 @@ pub(super) fn pseudo_inverse(jacobian: &Matrix6xX<f64>, error: &Vec6<f64>) -> Ve
     if jacobian.is_empty() {
         return Vec::new();
     }
-    let parts = svd(&DMatrix::from_iterator(6, jacobian.ncols(), jacobian.iter().copied()));
-    let step = parts.and_then(|parts| parts.solve(error, RANK * parts.singular_values.max()).ok());
+    let step = svd(jacobian).and_then(|parts| parts.solve(error, RANK * parts.singular_values.max()).ok());
     step.map_or_else(|| vec![0.0; jacobian.ncols()], |step| step.iter().copied().collect())
 }
 

@@ -2,7 +2,7 @@
 
 use darm_core::real::Vec3;
 use darm_core::se::Twist;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 use super::state::Kinematics;
 use crate::svd::svd;
@@ -51,14 +51,12 @@ impl Kinematics {
             let angular = if task == Task::Pose { twist.angular - reached.angular } else { Vec3::zeros() };
             Twist { angular, linear: twist.linear - reached.linear }
         };
-        if n == 0 {
-            return Rates { qd: Vec::new(), rank: 0, residual: missed(&[]) };
-        }
-        let rows = self.jacobian_base.rows(first, task.rows());
-        let jacobian = DMatrix::from_iterator(task.rows(), n, rows.iter().copied());
+        let jacobian = self.jacobian_base.rows(first, task.rows());
+        let Some(parts) = (n > 0).then(|| svd(&jacobian)).flatten() else {
+            let still = vec![0.0; n];
+            return Rates { residual: missed(&still), qd: still, rank: 0 };
+        };
         let wanted = DVector::from_iterator(task.rows(), twist.to_vector().iter().skip(first).copied());
-        let still = || Rates { residual: missed(&vec![0.0; n]), qd: vec![0.0; n], rank: 0 };
-        let Some(parts) = svd(&jacobian) else { return still() };
         let tolerance = MIN_SHARE * parts.singular_values.max();
         let rank = parts.singular_values.iter().filter(|value| **value > tolerance).count();
         let (u, v) = parts.u.zip(parts.v_t).expect("both were requested");
