@@ -29,7 +29,8 @@ const CASADI: &str = "casadi==3.8.2";
 const ROBOTS: [&str; 3] = ["panda_urdf", "ur10_urdf", "puma560_dh"];
 /// Works of the program and the functions that they need.
 const FUNCTIONS: [&str; 3] = ["kinematics", "inverse_dynamics", "mass_matrix"];
-/// How often the program runs: the ratio of one run differs from that of the next.
+/// How often the program runs, each time from a copy of its own: where its pages lie in memory can decide the time of a
+/// function, and stays the same for one copy.
 const RUNS: usize = 5;
 /// Options of both compilers: `-march=native` and `target-cpu=native` are the same features.
 const C_FLAGS: [&str; 3] = ["-O3", "-march=native", "-fno-fast-math"];
@@ -57,7 +58,9 @@ pub(super) fn measure() -> Result<Vec<Figure>> {
     let mut texts = Vec::new();
     for index in 1..=RUNS {
         eprintln!("run {index} of {RUNS}");
-        let output = Command::new(&program).output().with_context(|| format!("{} did not start", program.display()))?;
+        let copy = folder.join(format!("beside-{index}"));
+        fs::copy(&program, &copy).with_context(|| format!("{} cannot be written", copy.display()))?;
+        let output = Command::new(&copy).output().with_context(|| format!("{} did not start", copy.display()))?;
         let text = String::from_utf8_lossy(&output.stdout).into_owned();
         if !output.status.success() {
             bail!("the comparison failed:\n{text}{}", String::from_utf8_lossy(&output.stderr));
