@@ -34,6 +34,7 @@ fn many_at_once_are_the_same_as_one_by_one() {
     let angles = [0.3, -2.0, 7.5, 1e3, -0.0, 3.0, 99.0];
     let pairs: [(f64, f64); 7] = sin_cos_all(|k| angles[k]);
     assert_eq!(pairs, angles.map(sin_cos));
+    assert_eq!(double::in_full_vector(&angles), pairs);
     assert_eq!(sin_cos_all(|_| 1e9_f64), [(1e9_f64.sin(), 1e9_f64.cos())]);
 }
 
