@@ -29,7 +29,7 @@ const CASADI: &str = "casadi==3.8.2";
 const ROBOTS: [&str; 3] = ["panda_urdf", "ur10_urdf", "puma560_dh"];
 /// Works of the program and the functions that they need.
 const FUNCTIONS: [&str; 3] = ["kinematics", "inverse_dynamics", "mass_matrix"];
-/// How often the program runs, each time from a copy of its own: where its pages lie in memory can decide the time of a
+/// How often the program runs, each time from a separate copy: where its pages lie in memory can decide the time of a
 /// function, and stays the same for one copy.
 const RUNS: usize = 5;
 /// Options of both compilers: `-march=native` and `target-cpu=native` are the same features.
