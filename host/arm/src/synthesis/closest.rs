@@ -7,7 +7,7 @@
 use nalgebra::DVector;
 
 use super::SearchHandle;
-use super::newton::{EXACT, Search};
+use super::newton::{EXACT, Keep, Search};
 
 /// The best ends of all starts are improved.
 const IMPROVED: usize = 8;
@@ -61,7 +61,7 @@ impl Search<'_, '_> {
             nearest.chain(complete.iter().copied()).map(|at| &ends[at].1).chain(others).collect();
         let mut best: Option<(f64, DVector<f64>)> = None;
         for start in starts {
-            let Some(complete) = self.with_words(start) else { continue };
+            let Some(complete) = self.with_words(start, Keep::Little) else { continue };
             self.keeps_words = true;
             let improved = self.improve(&complete, handle);
             self.keeps_words = false;

@@ -64,6 +64,15 @@ impl Damping {
     }
 }
 
+/// What an alteration for the words is to keep.
+#[derive(Clone, Copy)]
+pub(super) enum Keep {
+    /// The frames, to first order.
+    Frames,
+    /// Nothing: the alteration is the smallest.
+    Little,
+}
+
 pub(super) struct Search<'p, 'a> {
     pub(super) problem: &'p mut Problem<'a>,
     pub(super) iterations: u32,
@@ -98,9 +107,11 @@ impl Search<'_, '_> {
                 break;
             }
             self.iterations += 1;
-            let next = &unknowns + self.step(&jacobian, &residual, &unknowns, None, damping.value(), &words);
+            let mut next = &unknowns + self.step(&jacobian, &residual, &unknowns, None, damping.value(), &words);
+            if !self.has_words(&next) {
+                next = self.with_words(&next, Keep::Little).unwrap_or_else(|| unknowns.clone());
+            }
             let lower = self.problem.linearise(&next).ok().filter(|(next, _)| next.norm() < residual.norm());
-            let lower = lower.filter(|_| self.has_words(&next));
             let Some((lower, steeper)) = lower else {
                 if damping.is_exhausted() || residual.amax() < SOLVED {
                     break;
@@ -185,14 +196,17 @@ impl Search<'_, '_> {
 
     /// The unknowns altered until every needed word can be assembled, the frames kept to first order, bounds exactly. `None` where
     /// no step leads on.
-    pub(super) fn with_words(&mut self, start: &DVector<f64>) -> Option<DVector<f64>> {
+    pub(super) fn with_words(&mut self, start: &DVector<f64>, keep: Keep) -> Option<DVector<f64>> {
         let mut unknowns = start.clone();
         let mut missed_m = self.problem.missed_m(&unknowns);
         for _ in 0..COMPLETING_STEPS {
             if missed_m == 0.0 {
                 break;
             }
-            let (residual, jacobian) = self.problem.linearise(&unknowns).ok()?;
+            let (residual, jacobian) = match keep {
+                Keep::Frames => self.problem.linearise(&unknowns).ok()?,
+                Keep::Little => (DVector::zeros(0), DMatrix::zeros(0, unknowns.len())),
+            };
             self.iterations += 1;
             let words = self.problem.assembly_bounds(&unknowns);
             let step = self.step(&jacobian, &residual, &unknowns, None, 0.0, &words);
@@ -316,7 +330,7 @@ fn smallest_step(
 /// The smallest x that makes |matrix · x − right|² + damping²·|matrix|²·|x|² least; 0 where a number has overflowed.
 pub(super) fn damped_inverse(matrix: &DMatrix<f64>, right: &DVector<f64>, damping: f64) -> DVector<f64> {
     let floor = damping * matrix.norm();
-    if !(floor.is_finite() && matrix.norm().is_finite() && right.norm().is_finite()) {
+    if matrix.is_empty() || !(floor.is_finite() && matrix.norm().is_finite() && right.norm().is_finite()) {
         return DVector::zeros(matrix.ncols());
     }
     well_posed_inverse(matrix, right, floor).unwrap_or_else(|| truncated_inverse(matrix, right, floor))

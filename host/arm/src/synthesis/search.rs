@@ -13,10 +13,15 @@ use rand_distr::{Distribution, Normal};
 
 use super::lift::Lift;
 use super::needed_words::Needed;
-use super::newton::{EXACT, SOLVED, Search, damped_inverse, within};
+use super::newton::{EXACT, Keep, SOLVED, Search, damped_inverse, within};
 use super::problem::Problem;
 use super::{Found, Options, SynthesisError};
 
+/// Starts between all bounds for the closest geometry with a pose for every needed word, and the shares of the way to such a start that
+/// are tried. Ten draws of frames moved out by 2 to 5 end at most 3.5 % farther than SLSQP of another program from 12 starts,
+/// without these starts 12 %.
+const ANYWHERE: u32 = 16;
+const SHARES_OF_WAY: [f64; 4] = [0.8, 0.5, 0.3, 0.2];
 /// Steps of the plain scheme.
 const PLAIN_STEPS: u32 = 50;
 /// Standard deviations of the other starts in turn, as a share of the lengths and as angles of joints, rad.
@@ -37,7 +42,7 @@ pub(super) fn solve(problem: &mut Problem, options: &Options) -> Result<Found, S
     let platforms = (0..problem.n_stops()).any(|stop| problem.is_leg(stop));
     let by_file = Needed::by_file(problem.base_line());
     let mut search = Search { problem, iterations: 0, keeps_words: false };
-    let (mut ends, mut incomplete, mut tried) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut ends, mut incomplete) = (Vec::new(), Vec::new());
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     let mut starts = 0;
     let enough = options.starts.max(1);
@@ -50,9 +55,6 @@ pub(super) fn solve(problem: &mut Problem, options: &Options) -> Result<Found, S
             n => scattered(search.problem, &base_line, scatter[n as usize % scatter.len()], &mut rng),
         };
         starts += 1;
-        if starts <= EARLY {
-            tried.push(start.clone());
-        }
         options.handle.count();
         if platforms && starts > EARLY && !is_wide {
             let shift = SHIFT[(starts / 2) as usize % SHIFT.len()];
@@ -105,7 +107,8 @@ pub(super) fn solve(problem: &mut Problem, options: &Options) -> Result<Found, S
         return Ok(Found { unknowns, iterations: search.iterations, starts });
     }
     // The initial arm can be assembled, within its own bounds at least.
-    let others: Vec<DVector<f64>> = std::iter::once(unknowns.clone()).chain(tried).collect();
+    let mut others = vec![unknowns.clone(), base_line.clone()];
+    others.extend((0..ANYWHERE).filter_map(|_| search.complete_between(&base_line, &mut rng)));
     let mut closest = search.closest_with_words(&ends, &others, &options.handle);
     if closest.is_none() {
         search.problem.needed = by_file;
@@ -115,6 +118,16 @@ pub(super) fn solve(problem: &mut Problem, options: &Options) -> Result<Found, S
 }
 
 impl Search<'_, '_> {
+    /// An arm with a pose for every needed word, as far as one is found on the way from the initial arm to one that is drawn between all
+    /// bounds.
+    fn complete_between(&mut self, base_line: &DVector<f64>, rng: &mut ChaCha8Rng) -> Option<DVector<f64>> {
+        let way = self.problem.anywhere(base_line, rng) - base_line;
+        SHARES_OF_WAY.iter().find_map(|share| {
+            let start = within(self.problem, base_line + &way * *share);
+            self.with_words(&start, Keep::Little)
+        })
+    }
+
     /// A solution in which every needed word can be assembled, near `solved` or the one with the least alteration near that.
     fn assembled(&mut self, closest: &DVector<f64>, solved: &DVector<f64>) -> Option<DVector<f64>> {
         if self.problem.missed_m(closest) == 0.0 {
@@ -122,7 +135,7 @@ impl Search<'_, '_> {
         }
         let complete = match self.problem.missed_m(solved) {
             0.0 => solved.clone(),
-            _ => self.with_words(closest).or_else(|| self.with_words(solved))?,
+            _ => self.with_words(closest, Keep::Frames).or_else(|| self.with_words(solved, Keep::Frames))?,
         };
         self.keeps_words = true;
         let exact = self.descend(&complete, EXACT).ok().filter(|(error, _)| *error < SOLVED);

@@ -2,6 +2,7 @@
 
 use darm_core::chain::Parameter;
 use nalgebra::DVector;
+use rand::{Rng, RngExt as _};
 
 use super::Problem;
 use super::parameters::{is_leg, turns};
@@ -43,6 +44,20 @@ impl Problem<'_> {
             }
         }
         unknowns
+    }
+
+    /// `from` with every unknown that has two bounds drawn between them; strokes may be broken.
+    pub(in crate::synthesis) fn anywhere(&self, from: &DVector<f64>, rng: &mut impl Rng) -> DVector<f64> {
+        let mut ranges = vec![(f64::NEG_INFINITY, f64::INFINITY); from.len()];
+        for bound in &self.bounds {
+            let [(index, factor)] = bound.terms[..] else { continue };
+            let (end, (low, high)) = (bound.min / factor, &mut ranges[index]);
+            if factor > 0.0 { *low = low.max(end) } else { *high = high.min(end) }
+        }
+        let drawn = from.iter().zip(ranges).map(|(&value, (low, high))| {
+            if (high - low).is_finite() && low < high { rng.random_range(low..high) } else { value }
+        });
+        DVector::from_iterator(from.len(), drawn)
     }
 
     pub(super) fn bound_stops(&mut self, bounds: &Bounds, ranges: &[StopRange]) {
