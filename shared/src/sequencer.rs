@@ -35,7 +35,7 @@ pub use command::{Command, CommandError};
 pub use fault::{Fault, FaultKind};
 pub use io::{EnableLevel, FarEnd, Outputs, Seen, ServoAction, ServoBreach, ServoSeen, ServoTarget};
 pub use phase::{Event, Phase};
-use servos::{APPROACH_SPEED, APPROACH_TOLERANCE_RAD, check_servo, is_silent};
+use servos::{APPROACH_SPEED, APPROACH_TOLERANCE_RAD, Servo, check_servo, is_silent};
 use switches::Switches;
 
 /// Outputs or actuators that one tick takes over.
@@ -62,13 +62,9 @@ pub struct Sequencer<'t> {
     switches: Switches,
     /// Outputs were requested since the start, or since the last fault.
     is_armed: bool,
-    servos: [ServoAction; MAX_SERVOS],
-    /// Joint angle = shaft angle − offset.
-    offsets_rad: [f32; MAX_SERVOS],
+    servos: [Servo; MAX_SERVOS],
     /// When servos on their way were to hold last; `None` where that order leaves with the next tick.
     hold_since: Option<Micros>,
-    /// When each servo answered last, without the time since then in which no tick ran.
-    answered: [Option<Micros>; MAX_SERVOS],
     emergency_stop: bool,
     /// The supply that was measured last, mV, and in how many measurements in a row it was below the threshold.
     supply_mv: u16,
@@ -91,10 +87,8 @@ impl<'t> Sequencer<'t> {
             coils: Coils::new(used),
             switches: Switches::default(),
             is_armed: false,
-            servos: [ServoAction::Hold; MAX_SERVOS],
-            offsets_rad: [0.0; MAX_SERVOS],
+            servos: [Servo::default(); MAX_SERVOS],
             hold_since: Some(Micros(0)),
-            answered: [None; MAX_SERVOS],
             emergency_stop: false,
             supply_mv: 0,
             low_supply: 0,
@@ -166,7 +160,7 @@ impl<'t> Sequencer<'t> {
         }
         let lines = if self.is_armed { self.coils.lines() } else { 0 };
         let sync = self.has_begun_row && self.profile.sync;
-        Outputs { lines, enabled: lines != 0, sync, servos: self.servos }
+        Outputs { lines, enabled: lines != 0, sync, servos: self.servos.map(|servo| servo.action) }
     }
 
     /// Does what is asked or says why not. Outputs change with the next [`step`](Self::step).
@@ -270,8 +264,8 @@ impl<'t> Sequencer<'t> {
 
     /// Everything that must hold before anything moves.
     fn check_inputs(&mut self, seen: &Seen) -> Result<(), FaultKind> {
-        for (answered, servo) in self.answered.iter_mut().zip(&seen.servos) {
-            *answered = (*answered).max(servo.answered);
+        for (servo, seen) in self.servos.iter_mut().zip(&seen.servos) {
+            servo.answered = servo.answered.max(seen.answered);
         }
         self.coils.pass(self.now)?;
         if self.emergency_stop {
@@ -287,15 +281,13 @@ impl<'t> Sequencer<'t> {
         };
         let wiring = table.wiring();
         self.switches.check(self.now, seen.switches, &self.coils.word(), wiring)?;
-        let joints = self.joints().zip(&self.servos).zip(&self.answered);
-        let servos = joints.zip(&seen.servos).zip(&self.offsets_rad);
         let is_active = !matches!(self.phase, Phase::Idle | Phase::Safe(_));
-        for (index, ((((joint, action), &answered), servo), offset_rad)) in servos.enumerate() {
+        for (index, ((joint, servo), seen)) in self.joints().zip(&self.servos).zip(&seen.servos).enumerate() {
             let number = index as u8;
-            if matches!(action, ServoAction::Go(_)) {
-                let angle_rad = servo.angle_rad - offset_rad;
-                check_servo(self.now, number, joint, &ServoSeen { angle_rad, answered, ..*servo })?;
-            } else if is_active && is_silent(self.now, joint, answered) {
+            if matches!(servo.action, ServoAction::Go(_)) {
+                let angle_rad = seen.angle_rad - servo.offset_rad;
+                check_servo(self.now, number, joint, &ServoSeen { angle_rad, answered: servo.answered, ..*seen })?;
+            } else if is_active && is_silent(self.now, joint, servo.answered) {
                 // A servo that holds may bear the arm: while anything is driven it has to answer, too.
                 return Err(FaultKind::ServoSilent { servo: number });
             }
@@ -356,8 +348,9 @@ impl<'t> Sequencer<'t> {
             return self.begin();
         };
         let can_begin = self.coils.set_latches(self.now, first.word)?;
-        let away = first.servos.iter().zip(&seen.servos).zip(&self.offsets_rad).position(|((angle, servo), offset)| {
-            servo.answered.is_none() || (servo.angle_rad - offset - angle).abs() > APPROACH_TOLERANCE_RAD
+        let away = first.servos.iter().zip(&seen.servos).zip(&self.servos).position(|((angle_rad, seen), servo)| {
+            let off_rad = seen.angle_rad - servo.offset_rad - angle_rad;
+            seen.answered.is_none() || off_rad.abs() > APPROACH_TOLERANCE_RAD
         });
         self.command_servos(0, APPROACH_SPEED);
         match away {

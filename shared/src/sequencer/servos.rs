@@ -20,11 +20,21 @@ const HOLD_TIME: Micros = Micros::from_millis(200);
 /// An order leaves with the next tick.
 const ORDER_TIME: Micros = Micros::from_millis(2);
 
+/// One servo.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Servo {
+    pub(super) action: ServoAction,
+    /// Joint angle = shaft angle − offset.
+    pub(super) offset_rad: f32,
+    /// When it answered last, without the time since then in which no tick ran.
+    pub(super) answered: Option<Micros>,
+}
+
 impl Sequencer<'_> {
     /// Whether a servo is on its way to a target.
     pub fn has_moving_servo(&self, seen: &Seen) -> bool {
-        self.servos.iter().zip(&seen.servos).any(|(action, servo)| match action {
-            ServoAction::Go(target) => (servo.angle_rad - target.angle_rad).abs() > MOTION_RAD,
+        self.servos.iter().zip(&seen.servos).any(|(servo, seen)| match servo.action {
+            ServoAction::Go(target) => (seen.angle_rad - target.angle_rad).abs() > MOTION_RAD,
             ServoAction::Hold | ServoAction::Release => false,
         })
     }
@@ -42,7 +52,7 @@ impl Sequencer<'_> {
     /// Time in which no tick ran, as while code and tables share a flash that is erased, is no silence of a servo.
     pub(super) fn skip_missed_ticks(&mut self, since_tick: Micros) {
         if since_tick > LATE {
-            for answered in self.answered.iter_mut().flatten() {
+            for answered in self.servos.iter_mut().filter_map(|servo| servo.answered.as_mut()) {
                 *answered = *answered + since_tick - LATE;
             }
         }
@@ -58,15 +68,17 @@ impl Sequencer<'_> {
             return Err(CommandError::Playing);
         }
         self.hold_servos();
-        self.offsets_rad = offsets_rad;
+        for (servo, offset_rad) in self.servos.iter_mut().zip(offsets_rad) {
+            servo.offset_rad = offset_rad;
+        }
         Ok(())
     }
 
     /// No servo continues to its target.
     pub(super) fn hold_servos(&mut self) {
-        for action in &mut self.servos {
-            if matches!(action, ServoAction::Go(_)) {
-                *action = ServoAction::Hold;
+        for servo in &mut self.servos {
+            if matches!(servo.action, ServoAction::Go(_)) {
+                servo.action = ServoAction::Hold;
                 self.hold_since = None;
             }
         }
@@ -75,11 +87,10 @@ impl Sequencer<'_> {
     /// Every servo does what its profile says for the safe state.
     pub(super) fn servos_to_fallback(&mut self) {
         self.hold_servos();
-        self.servos = [ServoAction::Hold; MAX_SERVOS];
-        for (action, servo) in self.servos.iter_mut().zip(&self.profile.servos) {
-            *action = match servo.fallback {
-                Fallback::Hold => ServoAction::Hold,
-                Fallback::Release => ServoAction::Release,
+        for (index, servo) in self.servos.iter_mut().enumerate() {
+            servo.action = match self.profile.servos.get(index).map(|own| own.fallback) {
+                Some(Fallback::Hold) | None => ServoAction::Hold,
+                Some(Fallback::Release) => ServoAction::Release,
             };
         }
     }
@@ -87,10 +98,10 @@ impl Sequencer<'_> {
     /// Refuses to drive anything while a servo is silent, or has been so since the start: it may bear the arm by what it was ordered
     /// before.
     pub(super) fn check_servos_answer(&self) -> Result<(), CommandError> {
-        let is_unheard = |(joint, answered): (&ServoWiring, &Option<Micros>)| {
-            answered.is_none() || is_silent(self.now, joint, *answered)
+        let is_unheard = |(joint, servo): (&ServoWiring, &Servo)| {
+            servo.answered.is_none() || is_silent(self.now, joint, servo.answered)
         };
-        match self.joints().zip(&self.answered).position(is_unheard) {
+        match self.joints().zip(&self.servos).position(is_unheard) {
             Some(index) => Err(CommandError::ServoSilent { servo: index as u8 }),
             None => Ok(()),
         }
@@ -106,45 +117,38 @@ impl Sequencer<'_> {
     /// What servos do that their profile does not allow, in every state and without a table: who moves one that holds, or has none,
     /// is not the program.
     pub(super) fn look_at_breaches(&self, seen: &Seen) -> Result<(), FaultKind> {
-        let Some(index) = seen.servo_breaches.iter().position(Option::is_some) else { return Ok(()) };
-        let servo = index as u8;
-        let shaft_rad = seen.servos.get(index).map_or(0.0, |seen| seen.angle_rad);
-        Err(match seen.servo_breaches.get(index).copied().flatten() {
-            Some(ServoBreach::Speed) => FaultKind::ServoSpeed { servo },
-            Some(ServoBreach::Moved) => FaultKind::ServoMoved { servo },
-            Some(ServoBreach::Range) | None => {
-                FaultKind::ServoRange { servo, angle_rad: shaft_rad - self.offset_rad(index) }
+        let servos = seen.servo_breaches.iter().zip(&seen.servos).zip(&self.servos);
+        for (servo, ((breach, seen), own)) in (0u8..).zip(servos) {
+            let angle_rad = seen.angle_rad - own.offset_rad;
+            match breach {
+                None => {}
+                Some(ServoBreach::Range) => return Err(FaultKind::ServoRange { servo, angle_rad }),
+                Some(ServoBreach::Speed) => return Err(FaultKind::ServoSpeed { servo }),
+                Some(ServoBreach::Moved) => return Err(FaultKind::ServoMoved { servo }),
             }
-        })
+        }
+        Ok(())
     }
 
     pub(super) fn turn_servo(&mut self, servo: u8, angle_rad: f32) -> Result<(), CommandError> {
         let index = usize::from(servo);
         let wiring = self.table.as_deref().ok_or(CommandError::NoTable)?.wiring();
         let joint = wiring.servos.get(index).ok_or(CommandError::NotWired)?;
-        if self.answered.get(index).copied().flatten().is_none() {
-            return Err(CommandError::ServoSilent { servo });
-        }
         let (min_rad, max_rad) = self.range_rad(index, joint);
+        let own = self.servos.get_mut(index).filter(|own| own.answered.is_some());
+        let own = own.ok_or(CommandError::ServoSilent { servo })?;
         if !(min_rad..=max_rad).contains(&angle_rad) {
             return Err(CommandError::ServoRange { min_rad, max_rad });
         }
-        let target = target(joint, angle_rad + self.offset_rad(index), APPROACH_SPEED);
-        if let Some(action) = self.servos.get_mut(index) {
-            *action = ServoAction::Go(target);
-        }
+        own.action = ServoAction::Go(target(joint, angle_rad + own.offset_rad, APPROACH_SPEED));
         Ok(())
     }
 
     /// Joint angles that both the table and the profile allow; empty where they allow none.
     fn range_rad(&self, index: usize, joint: &ServoWiring) -> (f32, f32) {
-        let offset_rad = self.offset_rad(index);
+        let offset_rad = self.servos.get(index).map_or(0.0, |servo| servo.offset_rad);
         let shaft = self.profile.servos.get(index).map_or((0.0, -1.0), |own| (own.limit.min_rad, own.limit.max_rad));
         (joint.min_rad.max(shaft.0 - offset_rad), joint.max_rad.min(shaft.1 - offset_rad))
-    }
-
-    fn offset_rad(&self, index: usize) -> f32 {
-        self.offsets_rad.get(index).copied().unwrap_or(0.0)
     }
 
     /// Refuses a table whose rows would take a servo's shaft out of the profile's range.
@@ -165,10 +169,9 @@ impl Sequencer<'_> {
         let Some(table) = self.table.as_deref() else { return };
         let Some(row) = table.rows().get(usize::from(row)) else { return };
         let joints = table.wiring().servos.iter().zip(&row.servos);
-        let servos = self.servos.iter_mut().zip(&self.answered).zip(&self.offsets_rad);
-        for ((joint, angle_rad), ((action, answered), offset_rad)) in joints.zip(servos) {
-            if answered.is_some() {
-                *action = ServoAction::Go(target(joint, angle_rad + offset_rad, speed));
+        for ((joint, angle_rad), servo) in joints.zip(&mut self.servos) {
+            if servo.answered.is_some() {
+                servo.action = ServoAction::Go(target(joint, angle_rad + servo.offset_rad, speed));
             }
         }
     }
