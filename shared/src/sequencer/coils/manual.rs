@@ -89,10 +89,8 @@ impl Coils<'_> {
     /// The wanted word, but for one coil.
     fn with_coil(&self, bit: u64, on: bool) -> Word {
         let of = |[low, high]: &[u64; 2]| u8::from(bit == *low) | u8::from(bit == *high) << 1;
-        let own = self.of_digit.iter().take(self.wanted.len()).position(|masks| of(masks) != 0);
-        let Some((index, mask)) = own.and_then(|index| Some((index, of(self.of_digit.get(index)?)))) else {
-            return self.wanted;
-        };
+        let mut masks = self.of_digit.iter().take(self.wanted.len()).map(of).enumerate();
+        let Some((index, mask)) = masks.find(|(_, mask)| *mask != 0) else { return self.wanted };
         let digit = self.wanted.digit(index);
         self.wanted.with_digit(index, if on { digit | mask } else { digit & !mask })
     }
