@@ -20,6 +20,7 @@ mod order;
 use core::cell::Cell;
 use core::sync::atomic::{AtomicBool, AtomicI16, AtomicU16, AtomicU32, Ordering};
 
+pub use darm_core::duty::TICK;
 use darm_core::duty::{DutyMeters, MeterLimit};
 use darm_core::output::{MAX_SERVOS, ServoWiring};
 use darm_core::sequencer::{
@@ -48,8 +49,6 @@ pub enum Converted {
     ChipCelsius(Option<i16>),
 }
 
-/// Time from one control tick to the next.
-pub const TICK: Micros = Micros::from_millis(1);
 /// Events that wait for the dispatcher, as many as a second of rows each 20 ms makes; beyond that the newest are lost, and their
 /// numbers show it.
 const WAITING_EVENTS: usize = 56;

@@ -59,9 +59,7 @@ const MAX_AGE: Micros = Micros::from_millis(35);
 /// time would creep.
 const BENT_STEPS: u16 = 16;
 
-/// Out of its range by more than this it breaches it: overshoot and resolution.
-const RANGE_MARGIN_RAD: f32 = 0.02;
-const RANGE_MARGIN_STEPS: i16 = (RANGE_MARGIN_RAD * (SERVO_STEPS_PER_TURN / TAU)) as i16;
+const RANGE_MARGIN_STEPS: i16 = (ServoWiring::RANGE_MARGIN_RAD * (SERVO_STEPS_PER_TURN / TAU)) as i16;
 /// Resolution of the speed that a servo reports, steps/s: twice the coarsest unit of the series.
 const REPORT_STEPS_S: f32 = 100.0;
 /// Farther than this from what it is to hold a servo was moved, steps: 0.1 rad, twice what the load of a sound arm bends it.
@@ -538,12 +536,11 @@ impl Known {
 
     fn breach(&mut self, limit: &ServoWiring, before: Option<Place>, sample: &Sample) -> Option<ServoBreach> {
         let has_strayed = self.has_strayed(limit, before, sample.place.steps);
-        let range = limit.min_rad - RANGE_MARGIN_RAD..=limit.max_rad + RANGE_MARGIN_RAD;
         let allowed = place::limit_steps_s(limit);
         let is_farther =
             |before: Place| before.distance(sample) > place::NOISE_STEPS + allowed * before.elapsed_s(sample);
         let reports_speed = f32::from(sample.place.speed) > allowed + REPORT_STEPS_S;
-        if !range.contains(&place::angle_rad(place::register(sample.place.steps))) {
+        if !limit.keeps_range(place::angle_rad(place::register(sample.place.steps))) {
             Some(ServoBreach::Range)
         } else if reports_speed || before.is_some_and(is_farther) {
             Some(ServoBreach::Speed)

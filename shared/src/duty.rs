@@ -35,6 +35,8 @@ pub enum Breach {
     Duty,
 }
 
+/// Time from one control tick to the next.
+pub const TICK: Micros = Micros::from_millis(1);
 /// Tolerated lateness of a tick: an on-time counts as too long only beyond it, and a rehearsal leaves room for it.
 pub const LATENESS: Micros = Micros::from_millis(2);
 const LATE_US: u32 = LATENESS.0 as u32;

@@ -40,8 +40,9 @@ use switches::Switches;
 
 /// Outputs or actuators that one tick takes over.
 const TAKEN_A_TICK: usize = 12;
-/// A tick that comes later than this after the one before says nothing of the servos: the servo task stalled too.
-const LATE: Micros = Micros::from_millis(2);
+/// A tick that comes later than this after the one before says nothing of the time between: while the flash is erased no tick and no
+/// task runs, 45 to 400 ms on the Pico.
+pub const LATE: Micros = Micros::from_millis(2);
 /// What measurements of the supply below the threshold add up to before that is a fault, what each of them adds, and one that is not
 /// low takes off. With one each 10 ms a dip of 40 ms, such as that of a motor that starts, passes once in 0.84 s; a supply that
 /// collapses again and again, as one does that switches itself off at overload, does not.

@@ -3,13 +3,11 @@
 //! A contact that stays closed says nothing: a jumper that was left in its place would let anyone with the port write
 //! profiles. A press is a contact that closes after it was open since the start, and it counts for a minute.
 
+use darm_core::sequencer::LATE;
 use darm_core::units::Micros;
 
 /// A contact that opens for a shorter time bounces.
 const OPEN: Micros = Micros::from_millis(20);
-/// Looks that are farther apart say nothing of the time between them: while the flash is erased no tick runs, 45 to 400 ms on the Pico, and
-/// one bounce before would count as a contact that was open all the time.
-const LATE: Micros = Micros::from_millis(2);
 /// A press counts for this time, while the contact stays closed.
 const PRESS: Micros = Micros::from_millis(60_000);
 
@@ -33,6 +31,7 @@ impl Button {
     /// The level in this tick.
     pub(super) fn look(&mut self, now: Micros, closed: bool) {
         let gap = now - core::mem::replace(&mut self.seen, now);
+        // One bounce before a gap would count as a contact that was open all the time.
         if gap > LATE {
             self.since = self.since + gap;
         }

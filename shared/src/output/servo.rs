@@ -30,6 +30,8 @@ impl ServoWiring {
     pub const MAX_TIMEOUT_MS: u16 = 5_000;
     /// Largest address of one servo; 254 speaks to all.
     pub const MAX_ID: u8 = 253;
+    /// A servo may be seen this far out of its range before that is a fault: overshoot and resolution.
+    pub const RANGE_MARGIN_RAD: f32 = 0.02;
 
     /// Whether address, range, speed, torque and time-out make sense.
     pub fn is_sound(&self) -> bool {
@@ -42,6 +44,11 @@ impl ServoWiring {
             && self.max_torque > 0.0
             && self.max_torque <= 1.0
             && (1..=Self::MAX_TIMEOUT_MS).contains(&self.timeout_ms)
+    }
+
+    /// Whether a servo that is seen there keeps its range, up to [`RANGE_MARGIN_RAD`](Self::RANGE_MARGIN_RAD).
+    pub fn keeps_range(&self, angle_rad: f32) -> bool {
+        (self.min_rad - Self::RANGE_MARGIN_RAD..=self.max_rad + Self::RANGE_MARGIN_RAD).contains(&angle_rad)
     }
 
     /// Whether these limits of a profile allow those of a table: the same servo, no faster, stronger or more patient.

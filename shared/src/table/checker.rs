@@ -3,13 +3,10 @@
 use super::error::{RowError, TableError};
 use super::modules::Modules;
 use super::{Board, Record, Row};
-use crate::duty::{Breach, DutyMeter, LATENESS, MeterLimit, turn_ticks};
+use crate::duty::{Breach, DutyMeter, LATENESS, MeterLimit, TICK, turn_ticks};
 use crate::output::{Drive, MAX_ACTUATORS, MAX_COILS, MAX_SERVOS, SwitchClock, SwitchLimit, Wiring, WiringError};
 use crate::profile::{Mismatch, Profile};
 use crate::units::{ActuatorId, Digest, Micros, ModelHash, Word};
-
-/// One row goes out in a tick, so rows are no nearer to each other.
-const TICK: Micros = Micros::from_millis(1);
 
 /// Checks records in their order: what [`Table::push`](super::Table::push) does without keeping the rows.
 ///
@@ -170,6 +167,7 @@ impl Checker {
     }
 
     fn admit_row(&mut self, row: &Row) -> Result<(), RowError> {
+        // One row goes out in a tick.
         if self.last.as_ref().is_some_and(|last| row.at < last.at + TICK) {
             return Err(RowError::Time);
         }
