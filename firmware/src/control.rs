@@ -37,8 +37,8 @@ use embassy_sync::signal::Signal;
 use crate::inputs::InputLog;
 use crate::ring::Ring;
 use button::Button;
-use order::summary;
-pub use order::{Order, Outcome, Snapshot, Summary, Unloaded};
+use order::{Order, Outcome};
+pub use order::{Snapshot, Summary};
 
 /// What the converter of a board gave.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -148,13 +148,6 @@ impl<'t> Shared<'t> {
         }
     }
 
-    /// Asks the control tick and waits for its answer. One task only may ask.
-    pub async fn ask(&self, order: Order<'t>) -> Outcome<'t> {
-        // The control tick has taken the last order before it answered, so there is room.
-        let _ = self.orders.put(order);
-        self.outcomes.next().await
-    }
-
     /// What the servo bus is to do.
     pub fn joints(&self) -> Joints {
         self.joints.lock(Cell::get)
@@ -240,6 +233,11 @@ impl<'t> Shared<'t> {
     /// Number of requested stops.
     pub fn stops(&self) -> u32 {
         self.stops.load(Ordering::Acquire)
+    }
+
+    /// Refuses what was requested when there were this many stops, if there has been another since.
+    pub(crate) fn check_stops(&self, then: u32) -> Result<(), CommandError> {
+        if self.stops() == then { Ok(()) } else { Err(CommandError::Stopped) }
     }
 
     /// All coils off and servos held with the next tick, before any order; connections that are open end.
@@ -368,62 +366,19 @@ impl<'t> Control<'t> {
     fn poll_request(&mut self, shared: &Shared<'t>) -> bool {
         let Some(order) = shared.orders.take() else { return false };
         // The dispatcher has fetched the last outcome before it asked again, so there is room.
-        let _ = shared.outcomes.put(self.execute(order, shared.stops()));
+        let _ = shared.outcomes.put(self.execute(order, shared));
         true
     }
 
-    fn execute(&mut self, order: Order<'t>, stops_now: u32) -> Outcome<'t> {
-        match order {
-            Order::Command { stops, .. } if stops != stops_now => Outcome::Command(Err(CommandError::Stopped)),
-            Order::Command { command, .. } => Outcome::Command(self.sequencer.command(command)),
-            Order::Status => Outcome::Status(self.snapshot()),
-            Order::Summary => Outcome::Summary(self.sequencer.table().and_then(summary)),
-            Order::Coil(coil) => {
-                let table = self.sequencer.table();
-                let wired = table.and_then(|table| table.wiring().coils.iter().find(|wired| wired.output == coil));
-                Outcome::Coil(wired.copied())
-            }
-            Order::Output(number) => Outcome::Output(self.output(number)),
-            Order::Servo(servo) => {
-                let wired = self.sequencer.table().and_then(|table| table.wiring().servos.get(usize::from(servo)));
-                Outcome::Servo(wired.copied())
-            }
-            Order::Load(table) => Outcome::Load(self.sequencer.load(table).err()),
-            Order::Unload => Outcome::Unload(self.unload()),
-            Order::Rehearse => Outcome::Unload(self.rehearse()),
-            Order::Configure(profile) => {
-                self.sequencer.configure(profile);
-                self.has_limits = false;
-                Outcome::Configured
-            }
-            Order::Calibrate(calibration) => Outcome::Command(self.sequencer.calibrate(calibration.offsets_rad())),
-        }
-    }
-
-    fn rehearse(&mut self) -> Unloaded<'t> {
-        let mut unloaded = self.unload();
-        if let Unloaded::Table(table) = &mut unloaded {
-            table.recall(self.sequencer.used());
-        }
-        unloaded
-    }
-
-    fn output(&self, number: u8) -> Option<OutputState> {
+    fn output_state(&self, number: u8) -> Option<OutputState> {
         let of_profile = self.sequencer.profile().output(number)?.limit;
         // A table can only be tighter, and is what latches.
-        let mut wired = self.sequencer.table().into_iter().flat_map(|table| &table.wiring().coils);
-        let limit = wired.find(|coil| coil.output == number).map_or(of_profile, |coil| coil.limit);
+        let wired = self.sequencer.table().and_then(|table| table.wiring().coil(number));
+        let limit = wired.map_or(of_profile, |coil| coil.limit);
         let meter = self.sequencer.used().meters.get(usize::from(number))?;
         let counted = MeterLimit::of(&limit);
         let [left_ms, recovery_ms] = [meter.left_us(&counted), meter.recovery_us(&counted)].map(|us| us / 1000);
         Some(OutputState { output: number, limit, left_ms, recovery_ms })
-    }
-
-    fn unload(&mut self) -> Unloaded<'t> {
-        if self.sequencer.table().is_none() {
-            return Unloaded::Empty;
-        }
-        self.sequencer.unload().map_or(Unloaded::Busy, Unloaded::Table)
     }
 
     fn snapshot(&self) -> Snapshot {

@@ -27,7 +27,7 @@ use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 
 use crate::clock::Clock;
-use crate::control::{Numbered, Order, Outcome, Shared, Snapshot};
+use crate::control::{Numbered, Shared, Snapshot};
 use crate::kept::{Kept, past};
 use crate::log::{EventLog, LogMemory};
 use crate::servo::CYCLE;
@@ -311,7 +311,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
     /// Restarts the board where nothing runs.
     pub(crate) async fn restart(&mut self, into: bootstrap::RebootTarget) -> Result<(), Refusal> {
         self.require_idle().await?;
-        if into == bootstrap::RebootTarget::Loader && self.board.guards_loader && !self.snapshot().await?.button {
+        if into == bootstrap::RebootTarget::Loader && self.board.guards_loader && !self.shared.snapshot().await.button {
             return Err(Refusal::NobodyPresent);
         }
         self.reboot = Some(into);
@@ -351,7 +351,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
             self.last = None;
         }
         self.catch_up();
-        let model = self.snapshot().await?.model;
+        let model = self.shared.snapshot().await.model;
         Ok(Answer::Hello(Hello {
             protocol: PROTOCOL,
             device: self.device(),
@@ -379,7 +379,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
                 Err(Refusal::Storage)
             }
             Request::Hello { .. } | Request::Nearest(_) => Err(Refusal::Unknown),
-            Request::Status => self.status().await.map(Answer::Status),
+            Request::Status => Ok(Answer::Status(self.status().await)),
             Request::Events { from } => {
                 self.catch_up();
                 Ok(Answer::Events(self.log.from(from)))
@@ -408,25 +408,22 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
         if command == Command::Play {
             self.rehearse().await?;
         }
-        match self.shared.ask(Order::Command { command, stops: self.stops }).await {
-            Outcome::Command(result) => result.map_err(Refusal::Command),
-            _ => Err(Refusal::Unknown),
-        }
+        self.shared.command(command, self.stops).await.map_err(Refusal::Command)
     }
 
     /// Waits until the servos that a stop, or a start, is to hold have their orders.
-    async fn wait_until_stopped(&self) -> Result<Snapshot, Refusal> {
-        let mut now = self.snapshot().await?;
+    async fn wait_until_stopped(&self) -> Snapshot {
+        let mut now = self.shared.snapshot().await;
         while now.is_stopping {
             self.clock.wait_until(self.clock.now() + CYCLE).await;
-            now = self.snapshot().await?;
+            now = self.shared.snapshot().await;
         }
-        Ok(now)
+        now
     }
 
     /// Nothing runs and no servo moves: while a flash is written or the board restarts nobody looks after a servo.
     async fn require_idle(&self) -> Result<(), Refusal> {
-        let now = self.wait_until_stopped().await?;
+        let now = self.wait_until_stopped().await;
         match now.phase {
             Phase::Idle | Phase::Safe(_) if now.is_moving => Err(Refusal::Busy),
             Phase::Idle | Phase::Safe(_) => Ok(()),

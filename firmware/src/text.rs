@@ -18,7 +18,6 @@ use embedded_io_async::Write;
 use embedded_storage_async::nor_flash::NorFlash;
 
 use crate::clock::Clock;
-use crate::control::{Order, Outcome};
 use crate::dispatch::{Dispatcher, FIRMWARE};
 use crate::kept::CRASHES;
 use parse::{TextCommand, parse};
@@ -122,10 +121,7 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
     }
 
     async fn say_status<W: Write>(&mut self, out: &mut W) -> Result<(), W::Error> {
-        let now = match self.snapshot().await {
-            Ok(now) => now,
-            Err(refusal) => return say(out, format_args!("? {refusal}")).await,
-        };
+        let now = self.shared.snapshot().await;
         match now.phase {
             Phase::Idle => say(out, format_args!("idle")).await?,
             Phase::Manual => say(out, format_args!("manual control")).await?,
@@ -215,20 +211,19 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
     }
 
     async fn say_limits<W: Write>(&mut self, out: &mut W) -> Result<(), W::Error> {
-        let Outcome::Summary(Some(table)) = self.shared.ask(Order::Summary).await else {
+        let Some(table) = self.shared.summary().await else {
             return say(out, format_args!("? no table is loaded; upload one first")).await;
         };
         let limit = table.switch_limit;
         say(out, format_args!("{limit}")).await?;
         for index in 0..MAX_COILS as u8 {
-            if let Outcome::Coil(Some(Coil { drive, limit, .. })) = self.shared.ask(Order::Coil(index)).await {
-                let left = self.shared.ask(Order::Output(index)).await;
-                let left_ms = if let Outcome::Output(Some(output)) = left { output.left_ms } else { 0 };
+            if let Some(Coil { drive, limit, .. }) = self.shared.coil_wiring(index).await {
+                let left_ms = self.shared.output_state(index).await.map_or(0, |output| output.left_ms);
                 say(out, format_args!("coil {index}: {drive}; {limit}, {left_ms} ms left")).await?;
             }
         }
         for index in 0..MAX_SERVOS as u8 {
-            if let Outcome::Servo(Some(servo)) = self.shared.ask(Order::Servo(index)).await {
+            if let Some(servo) = self.shared.servo_wiring(index).await {
                 say(out, format_args!("servo {index}: {}", ServoText(&servo))).await?;
             }
         }
@@ -236,7 +231,7 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
     }
 
     async fn say_table<W: Write>(&mut self, out: &mut W) -> Result<(), W::Error> {
-        let Outcome::Summary(Some(table)) = self.shared.ask(Order::Summary).await else {
+        let Some(table) = self.shared.summary().await else {
             return say(out, format_args!("? no table is loaded; upload one first")).await;
         };
         say(out, format_args!("{} rows in {}, model {}", table.rows, table.end, table.model)).await?;
@@ -245,8 +240,8 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
     }
 
     async fn say_fault<W: Write>(&mut self, out: &mut W) -> Result<(), W::Error> {
-        match self.snapshot().await.map(|now| now.phase) {
-            Ok(Phase::Safe(fault)) => say(out, format_args!("{fault}; type clear to leave the safe state")).await?,
+        match self.shared.snapshot().await.phase {
+            Phase::Safe(fault) => say(out, format_args!("{fault}; type clear to leave the safe state")).await?,
             _ => say(out, format_args!("no fault is latched")).await?,
         }
         match &self.board.crash {

@@ -7,67 +7,109 @@ use darm_core::table::Table;
 use darm_core::units::{Micros, ModelHash, Word};
 use darm_core::wire::message::{Calibration, OutputState};
 
-/// What the dispatcher asks of the control tick.
-pub enum Order<'t> {
-    /// Do what a person or a host asks for.
-    Command {
-        /// What.
-        command: Command,
-        /// How many [stops](super::Shared::stops) there were when it was requested.
-        stops: u32,
-    },
-    /// Report the present state.
-    Status,
-    /// Report what is loaded.
-    Summary,
-    /// Report how the coil of one output is wired.
-    Coil(u8),
-    /// Report how long one output has been on.
-    Output(u8),
-    /// Report how one servo joint is wired.
-    Servo(u8),
-    /// Take this table.
-    Load(&'t mut Table),
-    /// Give the table back.
-    Unload,
-    /// Give the table back, ready to rehearse its rows.
-    Rehearse,
-    /// Put this profile in force, once after a start.
-    Configure(&'t Profile),
-    /// Take the zero offsets of the servos.
-    Calibrate(Calibration),
+use super::{Control, Shared};
+
+/// Makes of each order a method of [`Shared`] that asks it and waits for its answer, and of its body what the control tick does. One task
+/// only may ask.
+macro_rules! orders {
+    (|$control:ident, $shared:ident| $(
+        $(#[$doc:meta])*
+        $name:ident($($value:ident: $type:ty),*) -> $answer:ty $body:block
+    )*) => {
+        /// An order on its way to the control tick.
+        #[expect(non_camel_case_types, reason = "named as the methods")]
+        pub(super) enum Order<'t> { $($name($($type),*)),* }
+
+        /// The answer to the order of the same name.
+        #[expect(non_camel_case_types, reason = "named as the methods")]
+        pub(super) enum Outcome<'t> { $($name($answer)),* }
+
+        impl<'t> Shared<'t> {
+            $(
+                $(#[$doc])*
+                pub(crate) async fn $name(&self, $($value: $type),*) -> $answer {
+                    // The control tick has taken the last order before it answered, so there is room, and the next outcome is this one's.
+                    let _ = self.orders.put(Order::$name($($value),*));
+                    loop {
+                        if let Outcome::$name(answer) = self.outcomes.next().await {
+                            return answer;
+                        }
+                    }
+                }
+            )*
+        }
+
+        impl<'t> Control<'t> {
+            pub(super) fn execute(&mut self, order: Order<'t>, $shared: &Shared<'t>) -> Outcome<'t> {
+                let $control = self;
+                match order {
+                    $(Order::$name($($value),*) => Outcome::$name($body)),*
+                }
+            }
+        }
+    };
 }
 
-/// What the control tick answers to an [`Order`], variant by variant.
-pub enum Outcome<'t> {
-    /// To `Command` and `Calibrate`.
-    Command(Result<(), CommandError>),
-    /// To `Status`.
-    Status(Snapshot),
-    /// To `Summary`; `None` without a table.
-    Summary(Option<Summary>),
-    /// To `Coil`; `None` when it is not wired.
-    Coil(Option<Coil>),
-    /// To `Output`; `None` when the profile does not have it.
-    Output(Option<OutputState>),
-    /// To `Configure`.
-    Configured,
-    /// To `Servo`; `None` when it is not wired.
-    Servo(Option<ServoWiring>),
-    /// To `Load`: the table comes back when it cannot be taken now.
-    Load(Option<&'t mut Table>),
-    /// To `Unload` and `Rehearse`.
-    Unload(Unloaded<'t>),
-}
+orders! { |control, shared|
+    /// Does what a person or a host asks for; refused after a stop that came since. `stops`: [their number](Shared::stops) when it was asked.
+    command(command: Command, stops: u32) -> Result<(), CommandError> {
+        shared.check_stops(stops).and_then(|()| control.sequencer.command(command))
+    }
 
-/// What became of the wish to have the table back.
-pub enum Unloaded<'t> {
-    /// Here it is.
-    Table(&'t mut Table),
-    /// There is none.
-    Empty,
-    /// A program runs or a coil is on by hand.
-    Busy,
+    /// What the board does now.
+    snapshot() -> Snapshot {
+        control.snapshot()
+    }
+
+    /// What is loaded; `None` without a table.
+    summary() -> Option<Summary> {
+        control.sequencer.table().and_then(summary)
+    }
+
+    /// How the coil of one output is wired, if it is.
+    coil_wiring(output: u8) -> Option<Coil> {
+        control.sequencer.table().and_then(|table| table.wiring().coil(output)).copied()
+    }
+
+    /// How long one output has been on, if the profile has it.
+    output_state(number: u8) -> Option<OutputState> {
+        control.output_state(number)
+    }
+
+    /// How one servo joint is wired, if it is.
+    servo_wiring(index: u8) -> Option<ServoWiring> {
+        control.sequencer.table().and_then(|table| table.wiring().servos.get(usize::from(index))).copied()
+    }
+
+    /// Takes this table. It comes back when it cannot be taken now.
+    load(table: &'t mut Table) -> Option<&'t mut Table> {
+        control.sequencer.load(table).err()
+    }
+
+    /// Gives the table back; `None` where there is none, and while a program runs or a coil is on by hand.
+    unload() -> Option<&'t mut Table> {
+        control.sequencer.unload()
+    }
+
+    /// Gives the table back as [`unload`](Shared::unload), ready to rehearse its rows.
+    rehearse() -> Option<&'t mut Table> {
+        let mut unloaded = control.sequencer.unload();
+        if let Some(table) = &mut unloaded {
+            table.recall(control.sequencer.used());
+        }
+        unloaded
+    }
+
+    /// Puts this profile in force, once after a start.
+    configure(profile: &'t Profile) -> () {
+        control.sequencer.configure(profile);
+        control.has_limits = false;
+    }
+
+    /// Takes the zero offsets of the servos.
+    calibrate(calibration: Calibration) -> Result<(), CommandError> {
+        control.sequencer.calibrate(calibration.offsets_rad())
+    }
 }
 
 /// What the board does in one moment.

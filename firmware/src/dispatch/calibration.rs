@@ -7,7 +7,6 @@ use embedded_storage_async::nor_flash::NorFlash;
 
 use super::{Dispatcher, Write};
 use crate::clock::Clock;
-use crate::control::{Order, Outcome};
 
 impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
     /// What a servo answered last, with the angle of its joint.
@@ -29,7 +28,7 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
         }
         // What is stored already wears no flash.
         if self.calibration == Ok(Some(calibration)) {
-            return if self.apply_calibration().await { Ok(Answer::Done) } else { Err(Refusal::Busy) };
+            return self.apply_calibration().await;
         }
         self.store()?;
         self.take_write(Write::Calibration)?;
@@ -37,14 +36,13 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
         let stored = store.set_calibration(calibration).await.map_err(|_| Refusal::Storage);
         // After an error only the flash knows which offsets are valid: the next start has those.
         self.calibration = store.calibration().await.map_err(|_| Refusal::NoCalibration);
-        let is_applied = self.apply_calibration().await;
-        stored?;
-        if is_applied { Ok(Answer::Done) } else { Err(Refusal::Busy) }
+        let applied = self.apply_calibration().await;
+        stored.and(applied)
     }
 
     /// Gives the offsets to the control tick, which refuses them only while a program runs.
-    pub(super) async fn apply_calibration(&self) -> bool {
-        matches!(self.shared.ask(Order::Calibrate(self.offsets())).await, Outcome::Command(Ok(())))
+    pub(super) async fn apply_calibration(&self) -> Result<Answer, Refusal> {
+        self.shared.calibrate(self.offsets()).await.map(|()| Answer::Done).map_err(|_| Refusal::Busy)
     }
 
     /// Offsets that are lost are not zero: no table that has servos is loaded with them.

@@ -14,7 +14,6 @@ use embedded_storage_async::nor_flash::NorFlash;
 use super::encode::encode;
 use super::{Dispatcher, Frame};
 use crate::clock::Clock;
-use crate::control::{Order, Outcome};
 
 impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
     /// A word that brings the tool near a pose in the base, by the frames in the stored table. A stop ends the search.
@@ -35,9 +34,7 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
         if !target.is_sound() {
             return Err(Refusal::NoPose);
         }
-        let Outcome::Summary(Some(table)) = self.shared.ask(Order::Summary).await else {
-            return Err(Refusal::NoFrames);
-        };
+        let table = self.shared.summary().await.ok_or(Refusal::NoFrames)?;
         let store = self.store.as_mut().ok_or(Refusal::Storage)?;
         self.room.begin(&target.pose(), table.actuators.into());
         store.records(|record| nearest_search::feed(self.room, record)).await?;

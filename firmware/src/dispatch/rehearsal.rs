@@ -8,7 +8,6 @@ use embedded_storage_async::nor_flash::NorFlash;
 
 use super::Dispatcher;
 use crate::clock::Clock;
-use crate::control::{Order, Outcome, Unloaded};
 
 /// Rows that are rehearsed at once: the console is heard in between.
 const REHEARSED: usize = 16;
@@ -16,25 +15,22 @@ const REHEARSED: usize = 16;
 impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
     /// Refuses a program that would exceed the limit of an output because of what has flowed before.
     pub(super) async fn rehearse(&mut self) -> Result<(), Refusal> {
-        let now = self.snapshot().await?;
+        let now = self.shared.snapshot().await;
         match now.phase {
             Phase::Idle if !now.is_moving => {}
             // Nobody looks after a servo that moves while the table is away: it is held first.
             Phase::Idle | Phase::Manual => {
-                self.shared.ask(Order::Command { command: Command::Stop, stops: self.stops }).await;
+                let _ = self.shared.command(Command::Stop, self.stops).await;
             }
             // The control tick refuses, and says why.
             Phase::Approaching { .. } | Phase::Playing { .. } | Phase::Safe(_) => return Ok(()),
         }
-        let Outcome::Unload(Unloaded::Table(table)) = self.shared.ask(Order::Rehearse).await else {
-            return Ok(());
-        };
+        let Some(table) = self.shared.rehearse().await else { return Ok(()) };
         let rehearsed = rehearse(table).await;
         self.hand_over(table).await;
         match rehearsed {
             Err(TableError::Row { row, error: RowError::OnTooLong { output } | RowError::Duty { output } }) => {
-                let state = self.shared.ask(Order::Output(output)).await;
-                let wait_ms = if let Outcome::Output(Some(state)) = state { state.recovery_ms } else { 0 };
+                let wait_ms = self.shared.output_state(output).await.map_or(0, |state| state.recovery_ms);
                 Err(Refusal::Recovering { row, output, wait_ms })
             }
             rehearsed => rehearsed.map_err(Refusal::Table),

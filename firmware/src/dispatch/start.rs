@@ -7,7 +7,6 @@ use embedded_storage_async::nor_flash::NorFlash;
 
 use super::Dispatcher;
 use crate::clock::Clock;
-use crate::control::Order;
 use crate::store::Store;
 
 impl<'t, F: NorFlash, C: Clock> Dispatcher<'_, 't, F, C> {
@@ -34,13 +33,13 @@ impl<'t, F: NorFlash, C: Clock> Dispatcher<'_, 't, F, C> {
         } else {
             self.drive_nothing(profile, Refusal::Storage);
         }
-        self.shared.ask(Order::Configure(self.profile)).await;
+        self.shared.configure(self.profile).await;
         // While the flash is written nobody looks after a servo that an earlier run left on its way.
-        let _ = self.wait_until_stopped().await;
+        self.wait_until_stopped().await;
         if let Some(store) = &mut self.store {
             self.boots = store.count_boot().await.unwrap_or(0);
         }
-        if !self.apply_calibration().await {
+        if self.apply_calibration().await.is_err() {
             self.calibration = Err(Refusal::NoCalibration);
         }
         self.restore(table).await;

@@ -2,12 +2,11 @@
 
 use darm_core::output::MAX_COILS;
 use darm_core::wire::health::{ChainHealth, Health};
-use darm_core::wire::message::{OUTPUTS, OutputState, Refusal, Status};
+use darm_core::wire::message::{OUTPUTS, OutputState, Status};
 use embedded_storage_async::nor_flash::NorFlash;
 
 use super::Dispatcher;
 use crate::clock::Clock;
-use crate::control::{Order, Outcome, Snapshot};
 
 impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
     pub(super) async fn outputs(&self, from: u8) -> heapless::Vec<OutputState, OUTPUTS> {
@@ -16,7 +15,7 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
             if outputs.is_full() {
                 break;
             }
-            if let Outcome::Output(Some(output)) = self.shared.ask(Order::Output(number)).await {
+            if let Some(output) = self.shared.output_state(number).await {
                 let _ = outputs.push(output);
             }
         }
@@ -40,21 +39,14 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
         }
     }
 
-    pub(crate) async fn snapshot(&self) -> Result<Snapshot, Refusal> {
-        match self.shared.ask(Order::Status).await {
-            Outcome::Status(snapshot) => Ok(snapshot),
-            _ => Err(Refusal::Unknown),
-        }
-    }
-
-    pub(super) async fn status(&mut self) -> Result<Status, Refusal> {
-        let now = self.snapshot().await?;
+    pub(super) async fn status(&mut self) -> Status {
+        let now = self.shared.snapshot().await;
         let mut servos = heapless::Vec::new();
         for index in 0..now.n_servos.into() {
             // There is room for every servo of a table.
             let _ = servos.push(self.joint_seen(index));
         }
-        Ok(Status {
+        Status {
             phase: now.phase,
             word: now.word,
             rows: now.rows,
@@ -63,6 +55,6 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
             servos,
             bad_frames: self.bad_frames,
             worst_lateness_us: u32::try_from(now.worst_lateness.0).unwrap_or(u32::MAX),
-        })
+        }
     }
 }

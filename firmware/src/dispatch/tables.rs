@@ -7,7 +7,6 @@ use embedded_storage_async::nor_flash::NorFlash;
 
 use super::Dispatcher;
 use crate::clock::Clock;
-use crate::control::{Order, Outcome, Unloaded};
 
 impl<'t, F: NorFlash, C: Clock> Dispatcher<'_, 't, F, C> {
     /// Digest of the table that was loaded.
@@ -17,12 +16,9 @@ impl<'t, F: NorFlash, C: Clock> Dispatcher<'_, 't, F, C> {
 
     /// Takes the table out of the control tick's hands.
     pub(super) async fn take_table(&mut self) -> Result<&'t mut Table, Refusal> {
-        if let Some(table) = self.table.take() {
-            return Ok(table);
-        }
-        match self.shared.ask(Order::Unload).await {
-            Outcome::Unload(Unloaded::Table(table)) => Ok(table),
-            _ => Err(Refusal::Busy),
+        match self.table.take() {
+            Some(table) => Ok(table),
+            None => self.shared.unload().await.ok_or(Refusal::Busy),
         }
     }
 
@@ -54,8 +50,6 @@ impl<'t, F: NorFlash, C: Clock> Dispatcher<'_, 't, F, C> {
 
     /// Gives the table to the control tick.
     pub(super) async fn hand_over(&mut self, table: &'t mut Table) {
-        if let Outcome::Load(back) = self.shared.ask(Order::Load(table)).await {
-            self.table = back;
-        }
+        self.table = self.shared.load(table).await;
     }
 }

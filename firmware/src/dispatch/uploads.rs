@@ -15,7 +15,7 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
         match image.kind {
             // An upload wears the flash, erases records that cannot be read, and leaves a board that never had a profile with a
             // lost one where it ends early. The upload that is under way continues without the button, up to its commit.
-            ImageKind::Profile if self.store()?.is_begun(image) || self.snapshot().await?.button => {}
+            ImageKind::Profile if self.store()?.is_begun(image) || self.shared.snapshot().await.button => {}
             ImageKind::Profile => return Err(Refusal::NobodyPresent),
             ImageKind::Table if self.store()?.is_profile_lost() => return Err(Refusal::Storage),
             ImageKind::Table if self.store()?.is_begun(image) => {}
@@ -69,7 +69,7 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
         let mut profile = Profile::empty();
         self.store()?.load_profile_upload(&mut profile).await?;
         self.board.caps.check(&profile).map_err(Refusal::Profile)?;
-        if !self.snapshot().await?.button {
+        if !self.shared.snapshot().await.button {
             return Err(Refusal::NobodyPresent);
         }
         self.store()?.commit().await?;

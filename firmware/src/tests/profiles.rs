@@ -13,7 +13,6 @@ use darm_core::wire::message::{Answer, Refusal, Request};
 
 use super::fakes::{Cells, profile, profile_image, run, table};
 use super::{Bench, hello, loaded};
-use crate::control::Order;
 use crate::hardware::Converted;
 
 #[test]
@@ -168,7 +167,7 @@ fn a_low_supply_latches_the_safe_state_and_both_languages_report_it_with_the_thr
     bench.connect();
     let profile: &'static Profile = Box::leak(Box::new(pico));
     bench.dispatcher.borrow_mut().as_mut().unwrap().put_in_force(profile);
-    run(bench.shared.ask(Order::Configure(profile)), || bench.tick());
+    run(bench.shared.configure(profile), || bench.tick());
     let measure = |mv| {
         bench.shared.see_converted(Converted::SupplyMv(mv));
         bench.supply_mv.set(Some(mv));

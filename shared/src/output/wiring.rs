@@ -25,6 +25,11 @@ impl Wiring {
         self.actuators.iter().take(actuator).map(ActuatorWiring::coils).sum()
     }
 
+    /// The coil of an output.
+    pub fn coil(&self, output: u8) -> Option<&Coil> {
+        self.coils.iter().find(|coil| coil.output == output)
+    }
+
     /// The coils that a word feeds: bit `c` for coil `c`.
     pub fn coils_on(&self, word: &Word) -> u64 {
         let mut fed = 0;
