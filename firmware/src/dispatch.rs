@@ -13,7 +13,7 @@ mod uploads;
 mod writes;
 
 use darm_core::profile::{BUILT_IN, Profile};
-use darm_core::sequencer::{Command, CommandError, Phase};
+use darm_core::sequencer::{Command, Phase};
 use darm_core::table::Table;
 use darm_core::table::nearest_search::NearestSearch;
 use darm_core::units::{DeviceId, Micros};
@@ -23,13 +23,13 @@ use darm_core::wire::caps::{BuildId, Caps};
 use darm_core::wire::frame::{self, Header, MAX_FRAME, MAX_PAYLOAD};
 use darm_core::wire::health::Health;
 use darm_core::wire::message::{self, Answer, Calibration, Hello, Image, ImageKind, REQUEST, Refusal, Reply, Request};
-use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 
 use crate::clock::Clock;
 use crate::control::{Numbered, Shared, Snapshot};
 use crate::kept::{Kept, past};
 use crate::log::{EventLog, LogMemory};
+use crate::scan::{Confirmation, Stop};
 use crate::servo::CYCLE;
 use crate::store::Store;
 use crate::wear::{Bucket, CALIBRATIONS, TABLES};
@@ -220,6 +220,10 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
             self.note_bad();
             return None;
         };
+        // Of any connection and number.
+        if let Some(stop) = Stop::of(header, payload) {
+            return Frame::from_slice(&self.stop(stop).await).ok();
+        }
         let reply = if header.tag == REQUEST {
             self.request(header, payload).await?
         } else if let Some(request) = bootstrap::Request::decode(header.tag, payload) {
@@ -232,22 +236,18 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
         encode(Header { tag, ..header }, &reply)
     }
 
-    /// Takes a stop that [`crate::app::scan`] has not found, because nobody scans what comes here: the same event.
-    pub(crate) async fn stop_arm(&mut self) {
+    /// Takes a stop that [`crate::app::scan`] has not found, because nobody scans what comes here: the same event. What confirms it.
+    pub(crate) async fn stop(&self, stop: Stop) -> Confirmation {
         self.shared.stop();
-        while !self.shared.has_stopped() {
-            yield_now().await;
-        }
+        stop.obeyed(self.shared, || self.clock.now()).await
     }
 
     async fn bootstrap(&mut self, request: bootstrap::Request) -> Payload {
         match request {
             bootstrap::Request::Identify => payload(&self.board.identity.encode()),
             bootstrap::Request::Version => payload(&Version { protocol: PROTOCOL, firmware: FIRMWARE }.encode()),
-            bootstrap::Request::Stop => {
-                self.stop_arm().await;
-                payload(&bootstrap::Stopped::encode(self.shared.servos()))
-            }
+            // Confirmed before.
+            bootstrap::Request::Stop => Payload::new(),
             bootstrap::Request::ReadFault => payload(&CrashRecord::encode(self.board.crash.as_ref())),
             bootstrap::Request::Reboot(into) => match self.restart(into).await {
                 Ok(()) => payload(&[0]),
@@ -266,11 +266,6 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
                 return Some(self.reply(Err(refusal)));
             }
         };
-        // Of any connection and number.
-        if message::is_stop(bytes) {
-            self.stop_arm().await;
-            return Some(self.reply(Ok(Answer::Done)));
-        }
         if let Request::Hello { protocol, challenge } = request {
             let result = self.hello(header.link, protocol, challenge).await;
             return Some(self.reply(result));
@@ -365,9 +360,11 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
     }
 
     async fn run(&mut self, request: Request<'_>) -> Result<Answer, Refusal> {
+        // A command may have been requested before a stop and come, or come again, after it.
+        if let Request::Command(_) = request {
+            self.check_connection()?;
+        }
         match request {
-            // A command may have been requested before a stop and come, or come again, after it.
-            Request::Command(_) if self.connection_has_ended() => Err(Refusal::Command(CommandError::Stopped)),
             // A start that could not be counted has the challenges of an earlier start, so a late copy of a `Hello` from then may have opened
             // this connection: it may read, and nothing else but write a profile, for which a person holds the button.
             Request::Command(_)
@@ -398,9 +395,9 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
         }
     }
 
-    /// Whether somebody has stopped the arm since the connection was opened.
-    fn connection_has_ended(&self) -> bool {
-        self.link_stops != self.shared.stops()
+    /// Refuses what comes on a connection that was opened before the last stop.
+    fn check_connection(&self) -> Result<(), Refusal> {
+        self.shared.check_stops(self.link_stops).map_err(Refusal::Command)
     }
 
     /// Does what a person or a host asks for, or says why not.

@@ -20,6 +20,7 @@ use embedded_storage_async::nor_flash::NorFlash;
 use crate::clock::Clock;
 use crate::dispatch::{Dispatcher, FIRMWARE};
 use crate::kept::CRASHES;
+use crate::scan::Stop;
 use parse::{TextCommand, parse};
 
 const HELP: &[&str] = &[
@@ -90,10 +91,7 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
                 Err(refusal) => say(out, format_args!("? {refusal}")).await,
             },
             Ok(TextCommand::Nearest(target)) => self.say_nearest(&target, out).await,
-            Ok(TextCommand::Stop) => {
-                self.stop_arm().await;
-                say(out, format_args!("ok")).await
-            }
+            Ok(TextCommand::Stop) => out.write_all(&self.stop(Stop::Typed).await).await,
             Ok(TextCommand::Run(command)) => match self.command(command).await {
                 Ok(()) => say(out, format_args!("ok")).await,
                 Err(refusal) => say(out, format_args!("? {refusal}")).await,

@@ -1,6 +1,6 @@
 //! Zero offsets of the servos: stored, applied, and needed before a table with servos is loaded.
 
-use darm_core::sequencer::{CommandError, ServoSeen};
+use darm_core::sequencer::ServoSeen;
 use darm_core::table::Table;
 use darm_core::wire::message::{Answer, Calibration, Refusal};
 use embedded_storage_async::nor_flash::NorFlash;
@@ -23,9 +23,7 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
     pub(super) async fn calibrate(&mut self, calibration: Calibration) -> Result<Answer, Refusal> {
         self.require_idle().await?;
         // It may have waited for servos to hold.
-        if self.connection_has_ended() {
-            return Err(Refusal::Command(CommandError::Stopped));
-        }
+        self.check_connection()?;
         // What is stored already wears no flash.
         if self.calibration == Ok(Some(calibration)) {
             return self.apply_calibration().await;

@@ -3,7 +3,6 @@
 use core::future::pending;
 
 use darm_core::nearest::{Coordinates, Found};
-use darm_core::sequencer::CommandError;
 use darm_core::table::nearest_search;
 use darm_core::wire::bootstrap::ANSWER;
 use darm_core::wire::frame::Header;
@@ -22,9 +21,7 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
         self.begin_nearest(target).await?;
         while self.room.step() {
             yield_now().await;
-            if self.shared.stops() != self.stops {
-                return Err(Refusal::Command(CommandError::Stopped));
-            }
+            self.shared.check_stops(self.stops).map_err(Refusal::Command)?;
         }
         self.room.found().ok_or(Refusal::NoFrames)
     }
