@@ -148,10 +148,8 @@ struct Known {
     tries: u8,
     /// It had torque when that was last written or read.
     is_driven: bool,
-    /// It did not answer when it was visited last, or not clearly.
-    is_missed: bool,
-    /// It did not answer at all then.
-    is_silent: bool,
+    /// Why it was not reached when it was visited last.
+    missed: Option<BusError>,
     /// Visits until it has braked.
     settling: u8,
     /// What its last answer breached.
@@ -218,7 +216,7 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
         let is_to_go = joints.get(index).copied().flatten().is_some_and(|joint| goes(&joint.action));
         let known = self.known(index);
         let has_hold = known.progress == Progress::Done && !known.action.as_ref().is_some_and(goes);
-        if is_to_go || has_hold { 2 } else { u8::from(known.is_silent) }
+        if is_to_go || has_hold { 2 } else { u8::from(known.missed == Some(BusError::Silent)) }
     }
 
     fn known(&self, index: usize) -> Known {
@@ -243,7 +241,7 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
             }
         };
         let breach = self.known.get_mut(index).and_then(|known| known.judge(limit, before, &sample));
-        self.note(index, |known| (known.place, known.is_missed, known.is_silent) = (Some(sample.place), false, false));
+        self.note(index, |known| (known.place, known.missed) = (Some(sample.place), None));
         let seen = sample.seen();
         shared.set_servo_breach(index, breach);
         // What it is to do may have changed meanwhile: no target from before a stop is written after it.
@@ -476,15 +474,14 @@ impl Known {
     /// each other do not show where it is, and where it was limits where it can be; one that was silent twice in a row may have been
     /// turned. On a worn cable each second answer may be lost: what the one before breached is not forgotten for that.
     fn miss(&mut self, error: BusError) {
-        if self.is_missed {
+        if self.missed.is_some() {
             // Out of its range, or away from its goal, it is wherever it was before.
             self.breach = self.breach.filter(|breach| *breach != ServoBreach::Speed);
             if error != BusError::Doubtful {
                 (self.place, self.span_from) = (None, None);
             }
         }
-        (self.is_driven, self.visits, self.is_missed) = (false, REWRITE_VISITS, true);
-        self.is_silent = error == BusError::Silent;
+        (self.is_driven, self.visits, self.missed) = (false, REWRITE_VISITS, Some(error));
     }
 
     /// Begins another action, or continues the same one.
