@@ -160,29 +160,17 @@ impl<'t> Shared<'t> {
 
     /// What a servo answered last.
     pub fn servo_seen(&self, index: usize) -> ServoSeen {
-        self.seen.lock(Cell::get).get(index).copied().unwrap_or_default()
+        self.seen.lock(|seen| seen.as_array_of_cells().get(index).map(Cell::get)).unwrap_or_default()
     }
 
     /// Takes in what a servo answered.
     pub fn see_servo(&self, index: usize, answer: ServoSeen) {
-        self.seen.lock(|cell| {
-            let mut seen = cell.get();
-            if let Some(seen) = seen.get_mut(index) {
-                *seen = answer;
-            }
-            cell.set(seen);
-        });
+        self.seen.lock(|seen| seen.as_array_of_cells().get(index).map(|seen| seen.set(answer)));
     }
 
     /// Takes in what a servo does that its profile does not allow, until this says otherwise.
     pub fn set_servo_breach(&self, index: usize, breach: Option<ServoBreach>) {
-        self.breaches.lock(|cell| {
-            let mut breaches = cell.get();
-            if let Some(slot) = breaches.get_mut(index) {
-                *slot = breach;
-            }
-            cell.set(breaches);
-        });
+        self.breaches.lock(|breaches| breaches.as_array_of_cells().get(index).map(|slot| slot.set(breach)));
     }
 
     /// What each servo does that its profile does not allow.
