@@ -16,18 +16,17 @@
 //! runs, so the word is never worse than the beam's.
 
 mod pairs;
-mod shortlist;
 mod small;
 mod spread;
 
 use heapless::Vec;
 
+use super::shortlist::{Shortlist, refill};
 use super::sort::sort_by;
 use super::{Beam, Found, Frame, Module};
 use crate::real::{Mat6, Vec3, Vec6};
 use crate::se::Pose;
 use crate::units::Word;
-use shortlist::{Shortlist, refill};
 use small::{Motion, Small, motion};
 
 /// Most modules.
@@ -103,8 +102,8 @@ pub struct Search<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> {
     /// The module that is chosen now.
     level: usize,
     beginnings: Vec<u32, WIDTH>,
-    next: Shortlist<WIDTH>,
-    followers: Shortlist<LAST>,
+    next: Shortlist<f32, u32, WIDTH>,
+    followers: Shortlist<f32, u32, LAST>,
     mean: Vec6<f32>,
     /// The covariance, and its inverse once every module is in it.
     spread: Mat6<f32>,
@@ -240,7 +239,7 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
         let _ = self.beginnings.push(0);
         self.followers.clear();
         if n == 2 {
-            self.followers.offer(0.0, 0);
+            self.followers.offer(0.0, || 0);
             self.phase = self.meeting(0, 0);
         } else {
             self.enter(0);
@@ -261,7 +260,7 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
         let frames = self.frames.iter().skip(part.first).take(part.count).enumerate();
         for (number, frame) in frames.skip(from).take(SCORED) {
             let score = self.score(part, &frame.motion(part.size_m).inv_mul(&remaining));
-            self.next.offer(score, beginning + number as u32 * part.stride);
+            self.next.offer(score, || beginning + number as u32 * part.stride);
         }
         if from + SCORED < part.count {
             self.phase = Phase::Grow { beginning: index, frame: from + SCORED };
@@ -288,7 +287,7 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
         let frames = self.frames.iter().skip(part.first).take(part.count).enumerate();
         for (number, frame) in frames.skip(from).take(SCORED) {
             let score = self.score(part, &frame.motion(part.size_m).inv_mul(&remaining));
-            self.followers.offer(score, number as u32);
+            self.followers.offer(score, || number as u32);
         }
         if from + SCORED < part.count {
             self.phase = Phase::Choose { beginning: index, frame: from + SCORED };

@@ -20,9 +20,9 @@
 #![allow(non_snake_case)]
 
 mod meeting;
+mod shortlist;
 mod sort;
 
-use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 use crate::actuator::{MAX_LEGS, Setting, Stage};
@@ -30,6 +30,7 @@ use crate::real::{Mat3, Real, Vec3, real};
 use crate::se::Pose;
 use crate::units::Word;
 pub use meeting::Search;
+use shortlist::Shortlist;
 
 /// No coordinate of a pose that travels is larger than this, m or rad.
 const MAX_NUMBER: f32 = 1e3;
@@ -84,8 +85,6 @@ pub struct Module<'a, T: Real> {
 /// A choice for the modules so far.
 #[derive(Clone, Copy, Debug)]
 struct Choice<T: Real> {
-    /// The square of the score, m².
-    score: T,
     /// Pose of the target in the top of the last module chosen.
     remaining: Pose<T>,
     word: Word,
@@ -94,10 +93,9 @@ struct Choice<T: Real> {
 /// A search, and the room that it needs.
 #[derive(Clone, Debug)]
 pub struct Beam<T: Real, const WIDTH: usize> {
-    choices: Vec<Choice<T>, WIDTH>,
-    next: Vec<Choice<T>, WIDTH>,
-    /// The worst of the next choices and its place, once there is no room for more.
-    worst: Option<(usize, T)>,
+    /// By the squares of their scores, m².
+    choices: Shortlist<T, Choice<T>, WIDTH>,
+    next: Shortlist<T, Choice<T>, WIDTH>,
     /// Digits of the word, those of the modules so far, and those before the module whose frames come.
     digits: usize,
     placed: usize,
@@ -123,9 +121,8 @@ pub struct Found<T> {
 impl<T: Real, const WIDTH: usize> Default for Beam<T, WIDTH> {
     fn default() -> Self {
         Self {
-            choices: Vec::new(),
-            next: Vec::new(),
-            worst: None,
+            choices: Shortlist::default(),
+            next: Shortlist::default(),
             digits: 0,
             placed: 0,
             first: 0,
@@ -172,8 +169,9 @@ impl<T: Real, const WIDTH: usize> Beam<T, WIDTH> {
         (self.digits, self.placed, self.first) = (digits, 0, 0);
         self.next.clear();
         // A word of more digits than there can be is one that no search finds.
-        let word = u8::try_from(digits).ok().and_then(Word::zeros);
-        self.next.extend(word.map(|word| Choice { score: T::zero(), remaining: *target, word }));
+        if let Some(word) = u8::try_from(digits).ok().and_then(Word::zeros) {
+            self.next.offer(T::zero(), || Choice { remaining: *target, word });
+        }
     }
 
     /// The frames of the next module come now: this many actuators, with what the modules after it typically do `behind`,
@@ -181,7 +179,6 @@ impl<T: Real, const WIDTH: usize> Beam<T, WIDTH> {
     pub fn module(&mut self, actuators: u8, behind: &Pose<T>, length_scale_m: T) {
         core::mem::swap(&mut self.choices, &mut self.next);
         self.next.clear();
-        self.worst = None;
         self.first = self.placed;
         self.placed += usize::from(actuators);
         (self.behind, self.length_scale_m) = (*behind, length_scale_m);
@@ -191,25 +188,15 @@ impl<T: Real, const WIDTH: usize> Beam<T, WIDTH> {
     pub fn offer(&mut self, frame: &Frame<T>) {
         let turn = self.length_scale_m * self.length_scale_m;
         let end = frame.pose * self.behind;
-        for choice in &self.choices {
+        for (_, choice) in &self.choices.list {
             let square = (end.position - choice.remaining.position).norm_squared();
             let score = square + turn * (real::<T>(3.0) - trace(&end.rotation, &choice.remaining.rotation));
-            if self.worst.is_some_and(|(_, worst)| score >= worst) {
-                continue;
-            }
-            let word = (self.first..self.placed).fold((choice.word, frame.digits), |(word, digits), actuator| {
-                (word.with_digit(actuator, (digits & 3) as u8), digits >> 2)
+            self.next.offer(score, || {
+                let word = (self.first..self.placed).fold((choice.word, frame.digits), |(word, digits), actuator| {
+                    (word.with_digit(actuator, (digits & 3) as u8), digits >> 2)
+                });
+                Choice { remaining: frame.pose.to(&choice.remaining), word: word.0 }
             });
-            let next = Choice { score, remaining: frame.pose.to(&choice.remaining), word: word.0 };
-            let unplaced = self.next.push(next).err();
-            let place = self.worst.and_then(|(at, _)| self.next.get_mut(at));
-            if let (Some(next), Some(place)) = (unplaced, place) {
-                *place = next;
-            }
-            if self.next.is_full() {
-                let scores = self.next.iter().map(|choice| choice.score).enumerate();
-                self.worst = scores.reduce(|a, b| if b.1 > a.1 { b } else { a });
-            }
         }
     }
 
@@ -222,7 +209,8 @@ impl<T: Real, const WIDTH: usize> Beam<T, WIDTH> {
             error_m: choice.remaining.position.norm(),
             error_rad: choice.remaining.angle_rad(),
         };
-        let left = self.next.iter().filter(|_| self.placed == self.digits && self.placed > 0);
+        let left =
+            self.next.list.iter().map(|(_, choice)| choice).filter(|_| self.placed == self.digits && self.placed > 0);
         left.map(of).reduce(|best, other| if other.distance_m < best.distance_m { other } else { best })
     }
 }
