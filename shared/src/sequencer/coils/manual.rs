@@ -86,12 +86,15 @@ impl Coils<'_> {
         Err(CommandError::Recovering { output: index as u8, left_ms, wait_ms })
     }
 
-    /// The wanted word, but for one coil.
+    /// The wanted word, but for one coil. A latch that a stop left set, and that was not requested since, counts in its actuator's state: a
+    /// state that the actuator does not have would be made of both.
     fn with_coil(&self, bit: u64, on: bool) -> Word {
         let of = |[low, high]: &[u64; 2]| u8::from(bit == *low) | u8::from(bit == *high) << 1;
         let mut masks = self.of_digit.iter().take(self.wanted.len()).map(of).enumerate();
         let Some((index, mask)) = masks.find(|(_, mask)| *mask != 0) else { return self.wanted };
-        let digit = self.wanted.digit(index);
+        let coils = self.target & self.asked | self.on & !self.asked;
+        let [low, high] = self.of_digit.get(index).map_or([false; 2], |of| of.map(|coil| coils & coil != 0));
+        let digit = u8::from(low) | u8::from(high) << 1;
         self.wanted.with_digit(index, if on { digit | mask } else { digit & !mask })
     }
 

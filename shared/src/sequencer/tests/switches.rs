@@ -130,3 +130,21 @@ fn a_latch_that_a_stop_left_set_counts_when_the_other_one_is_switched_by_hand() 
         }
     }
 }
+
+/// Of three states none has both latches set.
+#[test]
+fn a_latch_that_would_make_no_state_with_one_that_a_stop_left_set_is_refused() {
+    let latch = |output: u8| coil(output, Drive::Latch { set: 2 * output, reset: 2 * output + 1, pulse_ms: 5 });
+    let of_two = Record::Actuator(ActuatorWiring { states: 3, switch: None, travel_ms: 10 });
+    let mut bench = Bench::new(&[start(), latch(0), latch(1), of_two, end(10)]);
+    let word = |text: &str| -> Word { text.parse().unwrap() };
+    bench.command(Command::Word(word("1"))).unwrap();
+    bench.run(60);
+    bench.command(Command::Stop).unwrap();
+    bench.run(20);
+    assert_eq!(bench.command(Command::Coil { coil: 1, on_ms: 20 }), Err(CommandError::NoSuchState));
+    bench.command(Command::Coil { coil: 0, on_ms: 0 }).unwrap();
+    bench.run(20);
+    bench.command(Command::Coil { coil: 1, on_ms: 20 }).unwrap();
+    assert_eq!(bench.run(8).sequencer.word(), word("2"));
+}
