@@ -172,8 +172,6 @@ impl Job for SynthesisSweep {
 fn draw(own: &Own, case: &Case, seed: u64) -> Result<Outcome> {
     let options = case.options();
     let frames = moved(&own.frames, case.size, own.arm.model.chain.is_planar(), seed);
-    // What a plain search ends at may break the bounds: then it counts as not found.
-    let is_exact = |found: &Synthesis| found.status == Status::Reached && found.kept;
     let plain = synthesize(&own.arm, &frames, &Options { method: Method::Plain, starts: 1, ..options.clone() })?;
     let ours = synthesize(&own.arm, &frames, &options)?;
     let obstacle = match &ours.obstacle {
@@ -192,6 +190,11 @@ fn draw(own: &Own, case: &Case, seed: u64) -> Result<Outcome> {
         has_solution: asks && (is_exact(&ours) || random_start_solves(own, &frames, seed, STROKE_M)?),
         has_equal_stops: asks && is_exact(&ours) && !equal_stops(&ours.arm).is_empty(),
     })
+}
+
+/// What a plain search ends at may break the bounds, or leave words without a pose: then it counts as not found.
+fn is_exact(found: &Synthesis) -> bool {
+    found.status == Status::Reached && found.kept && without_pose(&found.arm).is_empty()
 }
 
 /// Whether any of many starts solves a draw with legs within the default bounds, every word assembled. Each start is an arm whose stops are uniform in all
@@ -220,9 +223,7 @@ pub(super) fn random_start_solves(own: &Own, frames: &[DesiredFrame], seed: u64,
             start.model.chain.set(stop(*actuator, 0), short)?;
             start.model.chain.set(stop(*actuator, 1), rng.random_range(short + stroke..high))?;
         }
-        let is_valid =
-            |found: &Synthesis| found.status == Status::Reached && found.kept && without_pose(&found.arm).is_empty();
-        if synthesize(&start, frames, &options).is_ok_and(|found| is_valid(&found)) {
+        if synthesize(&start, frames, &options).is_ok_and(|found| is_exact(&found)) {
             return Ok(true);
         }
     }

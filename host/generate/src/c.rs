@@ -89,6 +89,7 @@ impl C {
         });
         let arguments: Vec<_> = words.into_iter().flatten().chain(inputs).chain(outputs).collect();
         _ = writeln!(text, " */\nstatic inline void {}_{}({}) {{", self.prefix, function.name, arguments.join(", "));
+        let head = text.len();
         for step in body.steps() {
             match step {
                 Step::Turns(turns) => text += &self.turns(&body, &turns, number),
@@ -102,6 +103,10 @@ impl C {
                 }
             }
         }
+        // A Jacobian may be constant, and a warning of an unused argument is an error in some firmware.
+        let unused = function.inputs.iter().filter(|input| !text[head..].contains(&format!("{}[", input.name)));
+        let unused: String = unused.map(|input| format!("    (void){};\n", input.name)).collect();
+        text.insert_str(head, &unused);
         text + "}\n"
     }
 

@@ -16,8 +16,11 @@ pub const MAX_JOINTS: usize = 32;
 /// Why there is no file for a robot.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RobotRefusal {
-    /// The robot has none, or too many.
-    #[error("{robot} has {joints} joints, straight-line code is written for 1 to {MAX_JOINTS}; fix some with --lock")]
+    /// The robot has no joint.
+    #[error("{0} has no joint that moves: there is nothing to generate")]
+    NoJoint(String),
+    /// The robot has too many.
+    #[error("{robot} has {joints} joints, straight-line code is written for up to {MAX_JOINTS}; fix some with --lock")]
     Joints {
         /// Name of the robot.
         robot: String,
@@ -25,7 +28,7 @@ pub enum RobotRefusal {
         joints: usize,
     },
     /// The base floats.
-    #[error("{0} has a floating base, generated code is for a fixed one; leave out --floating")]
+    #[error("{0} has a floating base, generated code is for a fixed one; fix the joint of its root in the file")]
     Floating(String),
     /// Its joints are no tree.
     #[error(transparent)]
@@ -50,6 +53,7 @@ pub fn module(robot: &Robot, tool: &RobotFrame) -> Result<Module, RobotRefusal> 
         return Err(RobotRefusal::Floating(robot.name.clone()));
     }
     match robot.joints.len() {
+        0 => Err(RobotRefusal::NoJoint(robot.name.clone())),
         1..=8 => of_size::<8>(robot, tool),
         9..=MAX_JOINTS => of_size::<MAX_JOINTS>(robot, tool),
         joints => Err(RobotRefusal::Joints { robot: robot.name.clone(), joints }),

@@ -247,11 +247,11 @@ pub(crate) fn indices(shape: &[usize], entry: usize) -> String {
     text.concat()
 }
 
-/// A paragraph in lines of at most 120 characters that begin with `start`.
+/// A paragraph in lines of at most 120 characters that begin with `start`. A name of a file ends neither a line nor a comment of C.
 pub(crate) fn paragraph(start: &str, text: &str) -> String {
     let mut lines = String::new();
     let mut line = String::new();
-    for word in text.split(' ') {
+    for word in text.replace("*/", "* /").split_whitespace() {
         if !line.is_empty() && start.len() + line.chars().count() + 1 + word.chars().count() > 120 {
             _ = writeln!(lines, "{start}{line}");
             line.clear();

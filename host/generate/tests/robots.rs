@@ -4,7 +4,7 @@ use std::path::Path;
 
 use darm_generate::graph::Arguments;
 use darm_generate::robot::module;
-use darm_generate::{Function, Module};
+use darm_generate::{Function, Module, Width, c, rust};
 use darm_robot::description::read;
 use darm_robot::robot::{Motion, Robot};
 use darm_robot::urdf::Locks;
@@ -89,6 +89,17 @@ fn constants_are_folded() {
     let jacobian = &function(&module, "jacobian").outputs[0];
     let constant = jacobian.entries.iter().filter(|entry| entry.as_constant().is_some()).count();
     assert!(constant >= 4 * jacobian.shape[1], "{constant} of {}", jacobian.entries.len());
+}
+
+/// A name of a URDF may hold any letters.
+#[test]
+fn no_name_ends_a_comment() {
+    let (mut robot, _) = recorded("puma560.toml");
+    robot.name = "a*/b\nint c;".into();
+    robot.joints[1].name = "j\nfn x".into();
+    let module = module(&robot, robot.tool().unwrap()).unwrap();
+    let (c, rust) = (c::file(&module, Width::Double), rust::file(&module, Width::Double));
+    assert!(!c.contains("*/b") && !c.contains("\nint c;") && !rust.contains("\nfn x") && !rust.contains("\nint c;"));
 }
 
 #[test]

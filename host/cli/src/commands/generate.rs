@@ -20,7 +20,7 @@ Examples:
 
 The file of a robot has forward_kinematics, jacobian, kinematics (both), inverse_dynamics, gravity, mass_matrix and regressor, each \
 without loops and branches, and says the shape and the unit of every argument. Its results are those of `darm-core` but for \
-rounding. Angles beyond 1e5 rad (--f32: 6434 rad) give what is not a number. The file of an arm has pose, and says by how much it may \
+rounding. What depends on an angle beyond 1e5 rad (--f32: 6434 rad) is not a number. The file of an arm has pose, and says by how much it may \
 differ from the iterations of `darm-core`.";
 
 /// Write straight-line Rust or C of the kinematics and dynamics of one robot, or of the pose of an arm
