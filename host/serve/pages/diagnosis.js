@@ -34,6 +34,7 @@ function showFiles() {
   setText(byId('files-note'), isTooLarge ? large : files.length ? missing : '');
   byId('diagnose').disabled = Boolean(missing) || isTooLarge || running !== null;
   byId('cancel').disabled = running === null;
+  showReplayLink();
 }
 
 function assign(id, files) {
@@ -73,6 +74,13 @@ byId('data').addEventListener('change', () => {
   columns.look(byId('data').files[0] ?? null);
 });
 
+// The link next to the measurements of this server: to the chosen one, else to the list.
+function showReplayLink() {
+  const { value: name, hidden } = byId('recordings');
+  Object.assign(byId('replay-link'), { hidden, href: name ? `/replay?data=${encodeURIComponent(name)}` : '/replay' });
+  setText(byId('replay-link'), name ? `Replay ${name}` : 'Replay one of this server');
+}
+
 // Measurements that pages of this server have recorded. The page Program names one in the address.
 async function showRecordings() {
   const files = await get('/api/data');
@@ -80,6 +88,7 @@ async function showRecordings() {
   select.hidden = files.length === 0;
   select.replaceChildren(select.options[0], ...files.map((file) => make('option', { value: file.name },
     `${file.name}, ${new Date(file.at_ms).toLocaleString('sv')}`)));
+  showFiles();
   const wanted = new URLSearchParams(location.search).get('data');
   if (!files.some((file) => file.name === wanted)) return;
   select.value = wanted;

@@ -4,7 +4,7 @@ import { get } from './server.js';
 import { follow, hasControl, onLive, order } from './frame.js';
 import { byId, clock, degrees, make, percent, poseText, seconds, setFacts, setText, short } from './format.js';
 import './console.js';
-import './plots.js';
+import './last-hour.js';
 import { showMeasured } from './measured.js';
 
 const PHASES = {

@@ -31,6 +31,11 @@ export function showMeasured(measured, predicted, isPlanar) {
   section.hidden = !measured;
   if (!measured) return;
   setText(byId('measured-state'), state(measured));
+  showPose(measured, predicted, isPlanar);
+}
+
+// Predicted and measured pose by axis, their residual, and what the source measures besides.
+export function showPose(measured, predicted, isPlanar) {
   setText(byId('conditions'), conditions(measured));
   const { tool, residual } = measured;
   const body = byId('measured');

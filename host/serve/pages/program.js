@@ -166,8 +166,9 @@ function showRecording(isLoaded) {
   const key = JSON.stringify(last);
   if (isRunning || !last || result.dataset.key === key) return;
   result.dataset.key = key;
-  const link = make('a', { href: `/diagnosis?data=${encodeURIComponent(last.name)}` }, 'Diagnose it');
-  result.replaceChildren(`${last.name}: ${last.text}. `, ...(last.is_complete ? [link] : []));
+  const link = (text, page) => make('a', { href: `${page}?data=${encodeURIComponent(last.name)}` }, text);
+  const diagnose = last.is_complete ? [link('Diagnose it', '/diagnosis'), ' · '] : [];
+  result.replaceChildren(`${last.name}: ${last.text}. `, ...diagnose, link('Replay it', '/replay'));
 }
 
 byId('save-table').addEventListener('click', () => saveFile('table', program.name, 'application/octet-stream'));

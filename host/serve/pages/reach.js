@@ -5,11 +5,10 @@ import { follow, onLive, order } from './frame.js';
 import { Draft, withVisit } from './draft.js';
 import { byId, degrees, fixed, make, percent, poseText, seconds, setFacts, setText, titleCells } from './format.js';
 import { DensityPlot } from './density.js';
+import { Latest } from './latest.js';
 
 const STAGES = { start: 'starting', index: 'forming the index of the frames', words: 'searching the words', servos: 'searching words and servo angles', map: 'forming the density map' };
 const POLL_MS = 250;
-// A search that takes longer is given up when the target moves on.
-const PATIENCE_MS = 400;
 const AXES = { xy: [0, 1, 2], xz: [0, 2, 1], yz: [1, 2, 0] };
 const NAMES = ['x', 'y', 'z'];
 const RAD = Math.PI / 180;
@@ -32,44 +31,6 @@ let target = { position: [0, 0, 0], rotation: [0, 0, 0] };
 // A rounded zero would promise more than there is.
 const exact = (m) => (Math.abs(m) < 1e-7 ? '< 0.0001 mm' : `${(1e3 * m).toFixed(m < 0.1 ? 4 : 2)} mm`);
 const isPlanar = () => about.rest.is_planar;
-
-// ---------------------------------------------------------------- one request at a time, the last one counts
-
-class Latest {
-  // `send` gets a signal and returns a promise; what is asked for meanwhile is sent afterwards.
-  constructor(send) {
-    this.send = send;
-    this.running = null;
-    this.isWanted = false;
-  }
-
-  ask() {
-    if (!this.running) {
-      this.run();
-      return;
-    }
-    this.isWanted = true;
-    if (performance.now() - this.since > PATIENCE_MS) this.running.abort();
-  }
-
-  // Gives up what runs; the server hears of it.
-  cancel() {
-    this.isWanted = false;
-    this.running?.abort();
-  }
-
-  async run() {
-    this.running = new AbortController();
-    [this.since, this.isWanted] = [performance.now(), false];
-    const { signal } = this.running;
-    try {
-      await this.send(signal);
-    } finally {
-      this.running = null;
-      if (this.isWanted) this.run();
-    }
-  }
-}
 
 // ---------------------------------------------------------------- the fields
 

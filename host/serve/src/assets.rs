@@ -26,7 +26,7 @@ macro_rules! asset {
 }
 
 /// All of them.
-pub const ASSETS: [Asset; 28] = [
+pub const ASSETS: [Asset; 31] = [
     asset!("/style.css", "text/css; charset=utf-8", "../pages/style.css"),
     asset!("/icon.svg", "image/svg+xml", "../pages/icon.svg"),
     asset!("/server.js", SCRIPT, "../pages/server.js"),
@@ -35,6 +35,7 @@ pub const ASSETS: [Asset; 28] = [
     asset!("/format.js", SCRIPT, "../pages/format.js"),
     asset!("/live.js", SCRIPT, "../pages/live.js"),
     asset!("/console.js", SCRIPT, "../pages/console.js"),
+    asset!("/last-hour.js", SCRIPT, "../pages/last-hour.js"),
     asset!("/plots.js", SCRIPT, "../pages/plots.js"),
     asset!("/measured.js", SCRIPT, "../pages/measured.js"),
     asset!("/arm.js", SCRIPT, "../pages/arm.js"),
@@ -45,7 +46,9 @@ pub const ASSETS: [Asset; 28] = [
     asset!("/timeline.js", SCRIPT, "../pages/timeline.js"),
     asset!("/reach.js", SCRIPT, "../pages/reach.js"),
     asset!("/target.js", SCRIPT, "../pages/target.js"),
+    asset!("/latest.js", SCRIPT, "../pages/latest.js"),
     asset!("/density.js", SCRIPT, "../pages/density.js"),
+    asset!("/replay.js", SCRIPT, "../pages/replay.js"),
     asset!("/diagnosis.js", SCRIPT, "../pages/diagnosis.js"),
     asset!("/columns.js", SCRIPT, "../pages/columns.js"),
     asset!("/history.js", SCRIPT, "../pages/history.js"),

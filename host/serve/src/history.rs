@@ -26,6 +26,7 @@ use std::time::Duration;
 use rusqlite::{Connection, OpenFlags};
 
 pub use read::Kind;
+pub(crate) use read::Played;
 pub(crate) use requests::router;
 pub use write::{DiagnosisEntry, ModelEntry, Seen, TableEntry};
 

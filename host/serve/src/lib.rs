@@ -38,6 +38,7 @@ mod reach;
 pub mod recording;
 mod recording_api;
 mod refusal;
+mod replay;
 mod samples;
 mod served_arm;
 pub mod server;

@@ -3,6 +3,7 @@
 mod diagnosis;
 mod history;
 mod reach;
+mod replay;
 
 use axum::response::Html;
 use maud::{DOCTYPE, Markup, html};
@@ -18,10 +19,11 @@ pub(crate) struct Page {
 }
 
 /// All of them, in the order of the navigation.
-pub(crate) const ALL: [Page; 5] = [
+pub(crate) const ALL: [Page; 6] = [
     Page { path: "/", name: "Live", script: "/live.js", main: live },
     Page { path: "/program", name: "Program", script: "/program.js", main: program },
     Page { path: "/reach", name: "Reach", script: "/reach.js", main: reach::reach },
+    Page { path: "/replay", name: "Replay", script: "/replay.js", main: replay::replay },
     Page { path: "/diagnosis", name: "Diagnosis", script: "/diagnosis.js", main: diagnosis::diagnosis },
     Page { path: "/history", name: "History", script: "/history.js", main: history::history },
 ];

@@ -2,6 +2,7 @@
 
 use darm_arm::arm::{Arm, ArmScratch};
 use darm_arm::draw::{Line, Scene};
+use darm_core::model::Condition;
 use darm_core::se::{Pose, rotation_exp, rotation_log};
 use darm_core::units::Word;
 use serde::Serialize;
@@ -59,14 +60,22 @@ impl Picture {
     ///
     /// The model has no pose for it, in a sentence.
     pub(crate) fn of(arm: &Arm, posture: &Posture) -> Result<Self, String> {
+        Self::under(arm, &arm.model.working(posture.word, posture.previous, &posture.servos_rad))
+    }
+
+    /// The arm under this condition.
+    ///
+    /// # Errors
+    ///
+    /// The model has no pose for it, in a sentence.
+    pub(crate) fn under(arm: &Arm, condition: &Condition<'_, f64>) -> Result<Self, String> {
         let mut scratch = ArmScratch::default();
-        let condition = arm.model.working(posture.word, posture.previous, &posture.servos_rad);
-        let tool = arm.model.predict(&condition, &mut scratch).map_err(|error| error.to_string())?;
-        let scene = Scene::of_arm(arm, &scratch, posture.word.iter());
+        let tool = arm.model.predict(condition, &mut scratch).map_err(|error| error.to_string())?;
+        let scene = Scene::of_arm(arm, &scratch, condition.word.iter());
         Ok(Self {
             name: arm.name.clone(),
             is_planar: scene.is_planar,
-            word: posture.word.to_string(),
+            word: condition.word.to_string(),
             tool: Tool::of(&tool),
             lines: scene.lines.iter().map(Stroke::of).collect(),
         })

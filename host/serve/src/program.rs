@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use darm_arm::table_file::{TableFile, TableFileError, unchecked_records};
-use darm_core::output::{Drive, Wiring};
+use darm_core::output::{Coil, Drive, Wiring};
 use darm_core::table::{Record, Row, wiring};
 use darm_core::units::{Digest, Micros};
 use serde::Serialize;
@@ -142,17 +142,21 @@ impl RowView {
 
 /// The spans in which the words of the rows feed each coil.
 fn lanes(wiring: &Wiring, rows: &[&Row], end: Micros) -> Vec<Lane> {
-    let owners = wiring.actuators_with_coils().enumerate();
-    let coils = owners.flat_map(|(actuator, (_, coils))| coils.iter().map(move |coil| (actuator, coil)));
     let fed: Vec<(Micros, u64)> = rows.iter().map(|row| (row.at, wiring.coils_on(&row.word))).collect();
-    let lane = |(index, (actuator, coil)): (usize, (usize, &darm_core::output::Coil))| Lane {
+    let lane = |(index, (actuator, coil)): (usize, (usize, &Coil))| Lane {
         output: coil.output,
         actuator,
         drive: drive_name(&coil.drive),
         limit: coil.limit.into(),
         spans_s: spans_s(fed.iter().map(|(at, fed)| (*at, fed >> index & 1 == 1)), end),
     };
-    coils.enumerate().map(lane).collect()
+    coils_with_actuators(wiring).enumerate().map(lane).collect()
+}
+
+/// All coils in the order of the wiring, each with the number of its actuator.
+pub(crate) fn coils_with_actuators(wiring: &Wiring) -> impl Iterator<Item = (usize, &Coil)> {
+    let owners = wiring.actuators_with_coils().enumerate();
+    owners.flat_map(|(actuator, (_, coils))| coils.iter().map(move |coil| (actuator, coil)))
 }
 
 fn spans_s(switched: impl Iterator<Item = (Micros, bool)>, end: Micros) -> Vec<[f64; 2]> {

@@ -1,5 +1,6 @@
 //! What was seen over the last hour, for the plots of pages.
 
+use std::borrow::Cow;
 use std::collections::VecDeque;
 
 use serde::Serialize;
@@ -16,11 +17,11 @@ const PIECE: usize = 4_000;
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub(crate) struct Series {
     /// The plot that it is in.
-    plot: &'static str,
+    pub(crate) plot: Cow<'static, str>,
     /// Its name there.
-    name: String,
+    pub(crate) name: String,
     /// The unit of the plot.
-    unit: &'static str,
+    pub(crate) unit: &'static str,
 }
 
 /// The last samples, of one curve after the other.
@@ -80,8 +81,9 @@ impl Samples {
     }
 
     fn new(n_servos: usize) -> Self {
-        let fixed = FIXED.map(|(plot, name, unit)| Series { plot, name: name.to_owned(), unit });
-        let servos = (0..n_servos).map(|index| Series { plot: "Servos", name: format!("servo {index}"), unit: "°" });
+        let fixed = FIXED.map(|(plot, name, unit)| Series { plot: plot.into(), name: name.to_owned(), unit });
+        let servos =
+            (0..n_servos).map(|index| Series { plot: "Servos".into(), name: format!("servo {index}"), unit: "°" });
         let series: Vec<Series> = fixed.into_iter().chain(servos).collect();
         Self { values: vec![VecDeque::new(); series.len()], series, ..Self::default() }
     }

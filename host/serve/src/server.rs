@@ -31,7 +31,7 @@ use crate::refusal::Refused;
 pub use crate::served_arm::ServedArm;
 use crate::stop_line::Upgraded;
 use crate::watcher::Watcher;
-use crate::{api, diagnosis, pages, reach, recording_api, stop_line, unix_time};
+use crate::{api, diagnosis, pages, reach, recording_api, replay, stop_line, unix_time};
 
 /// Connections that wait to be accepted. Where there is no room for another one, its client tries again a second later.
 const BACKLOG: u32 = 4096;
@@ -237,6 +237,7 @@ fn router(hub: Arc<Hub>, access: Access, line: Sender<Upgraded>) -> Router {
         .merge(history::router(history))
         .merge(reach::router(Arc::clone(&hub)))
         .merge(recording_api::router(Arc::clone(&hub)))
+        .merge(replay::router(Arc::clone(&hub)))
         .merge(stop_line::router(hub, line))
         .layer(DefaultBodyLimit::max(MAX_BODY))
         .layer(RequestBodyTimeoutLayer::new(READ_TIMEOUT))

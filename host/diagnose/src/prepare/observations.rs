@@ -155,10 +155,21 @@ impl Observations {
     ///
     /// The model has no pose under the conditions of a row.
     pub fn predicted(&self, model: &ArmModel, scratch: &mut ArmScratch) -> Result<Vec<Pose<f64>>, NoPose> {
-        let of = |row: &PoseRow| {
-            model.predict(&self.condition(row), scratch).map_err(|error| NoPose { sample: row.sample, error })
-        };
-        self.rows.iter().map(of).collect()
+        self.rows.iter().map(|row| self.predicted_row(row, model, scratch)).collect()
+    }
+
+    /// Where the model has the tool in one of the rows.
+    ///
+    /// # Errors
+    ///
+    /// The model has no pose under the conditions of the row.
+    pub fn predicted_row(
+        &self,
+        row: &PoseRow,
+        model: &ArmModel,
+        scratch: &mut ArmScratch,
+    ) -> Result<Pose<f64>, NoPose> {
+        model.predict(&self.condition(row), scratch).map_err(|error| NoPose { sample: row.sample, error })
     }
 
     /// The motion that brings predicted poses nearest to the measured ones; blunders hardly count.

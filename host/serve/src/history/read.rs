@@ -66,7 +66,40 @@ impl Kind {
     }
 }
 
+/// A program that a board played, by what a recording says of it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Played<'a> {
+    /// Number of the device.
+    pub device: &'a str,
+    /// How often it had started.
+    pub boots: u32,
+    /// Digest of its table.
+    pub table: &'a str,
+    /// From when, s of the board's clock.
+    pub from_s: f64,
+    /// To when.
+    pub to_s: f64,
+}
+
 impl History {
+    /// What happened in the runs of this program, in order of time; where there are more than `max_events`, rows are left out first.
+    ///
+    /// # Errors
+    ///
+    /// The database cannot be read.
+    pub(crate) fn events_of(&self, played: &Played<'_>, max_events: u32) -> Result<Vec<Value>, HistoryError> {
+        let Played { device, boots, table, from_s, to_s } = *played;
+        self.rows(
+            "SELECT * FROM (
+                 SELECT number, at_s, kind, text FROM run_event JOIN run ON run = id
+                 WHERE device = ?1 AND boots = ?2 AND coalesce(arm_table, ?3) = ?3 AND first_us <= 1e6 * ?5
+                     AND (SELECT max(at_s) FROM run_event WHERE run = id) >= ?4
+                 ORDER BY kind = 'row', at_s LIMIT ?6)
+             ORDER BY at_s, number",
+            params![device, boots, table, from_s, to_s, max_events],
+        )
+    }
+
     /// The newest entries of a kind, at most this many.
     ///
     /// # Errors

@@ -21,6 +21,7 @@ pub(super) fn diagnosis() -> Markup {
                     div.field {
                         label for="data" { "Measurements" }
                         select #recordings aria-label="Measurement of this server" hidden { option value="" { "a file that I choose" } }
+                        a #replay-link href="/replay" hidden { "Replay" }
                         input #data type="file" accept=".csv,.txt,.tsv,.gz,.mcap,.mat,.npy,.npz" aria-describedby="data-help";
                         p #data-help .note { "of " code { "darm record" } ", or of another program: CSV, MCAP of ROS 2, NumPy, MATLAB" }
                     }

@@ -2,6 +2,7 @@
 
 use super::board::{Bench, RealTime};
 use super::diagnosis::diagnose_example;
+use super::replay::recorded;
 use super::webdriver::Browser;
 
 #[test]
@@ -9,11 +10,8 @@ fn no_page_has_a_serious_finding_or_scrolls_sideways() {
     let Some(browser) = Browser::start(390) else { return };
     let bench = Bench::start("planar4.toml");
     let _time = RealTime::start(&bench.board);
-    let page = bench.page_in_control();
-    let digest = page.upload(&bench.table(&["000010000000", "101000000000"], 0.1));
-    page.play(&digest);
-    page.control("release");
     diagnose_example(&bench);
+    recorded(&bench, "run-1.csv");
     let ready = [
         ("/", "document.querySelectorAll('#outputs tr').length === 12"),
         ("/program", "document.querySelectorAll('#timeline .span').length > 0"),
@@ -21,6 +19,7 @@ fn no_page_has_a_serious_finding_or_scrolls_sideways() {
             "/reach",
             "document.querySelector('#word').textContent.length === 12 && document.querySelector('#density svg')",
         ),
+        ("/replay?data=run-1.csv", "document.querySelector('#replay').dataset.row === '0'"),
         ("/diagnosis", "document.querySelector('#verdict-section')"),
         ("/history", "document.querySelector('#diagnoses code')"),
     ];

@@ -30,6 +30,9 @@ use super::http::{Answer, request};
 /// Nothing that a test waits for takes longer, on a machine with other work.
 const PATIENCE: Duration = Duration::from_secs(30);
 
+/// Name of the folder with the recordings.
+const DATA: &str = "data";
+
 pub(crate) fn example(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples").join(name)
 }
@@ -44,7 +47,7 @@ pub(crate) struct Bench {
     pub(crate) is_held: Arc<AtomicBool>,
     /// Where other programs reach the board through the server.
     pub(crate) socket: PathBuf,
-    _folder: tempfile::TempDir,
+    folder: tempfile::TempDir,
 }
 
 impl Bench {
@@ -85,13 +88,18 @@ impl Bench {
             arm: Some(ServedArm { wired: wired.clone(), file: format!("arms/{}", Self::FILE) }),
             poses,
             history: Some(History::open(&folder.path().join("history.sqlite3")).unwrap()),
-            record: Some(record_setup(&folder.path().join("data"))),
+            record: Some(record_setup(&folder.path().join(DATA))),
         });
-        Self { board, wired, server: server.unwrap(), is_plugged, is_held, socket, _folder: folder }
+        Self { board, wired, server: server.unwrap(), is_plugged, is_held, socket, folder }
     }
 
     pub(crate) fn address(&self) -> SocketAddr {
         self.server.address()
+    }
+
+    /// The folder with the recordings.
+    pub(crate) fn data(&self) -> PathBuf {
+        self.folder.path().join(DATA)
     }
 
     /// Ends the server, as Ctrl-C does; the board.

@@ -3,6 +3,7 @@
 use darm_arm::arm::ArmScratch;
 
 use super::board::{Bench, RealTime};
+use super::replay::recorded;
 use super::webdriver::Browser;
 
 /// Width of the window, pixels.
@@ -84,13 +85,14 @@ fn lose_the_board(browser: &Browser, bench: &Bench) {
 }
 
 /// Elements that use the space bar themselves, or that a person types into, and their pages.
-const FOCUSED: [[&str; 2]; 8] = [
+const FOCUSED: [[&str; 2]; 9] = [
     ["/", "#arm"],
     ["/", "a[href=\"/program\"]"],
     ["/program", "#file"],
     ["/reach", "#pose-0"],
     ["/reach", "#compare"],
     ["/reach", "#deviation"],
+    ["/replay?data=run-1.csv", "#at"],
     ["/diagnosis", "#data"],
     ["/history", "#json"],
 ];
@@ -100,6 +102,7 @@ fn the_space_bar_stops_whatever_has_the_focus_and_no_other_key_does() {
     let Some(browser) = Browser::start(WIDTH) else { return };
     let bench = Bench::start("planar4.toml");
     let _time = RealTime::start(&bench.board);
+    recorded(&bench, "run-1.csv");
     for [path, selector] in FOCUSED {
         browser.open(&format!("http://{}{path}", bench.address()));
         let focused = format!("document.querySelector('{selector}')");

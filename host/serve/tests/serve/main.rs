@@ -20,6 +20,7 @@ mod moves;
 mod page_load;
 mod reach;
 mod recording;
+mod replay;
 mod screenshots;
 mod stop_line;
 mod tab;

@@ -26,7 +26,7 @@ const SIZES: [[u32; 3]; 3] = [[390, 844, 390], [1280, 800, 800], [3840, 2160, 12
 /// Largest picture, bytes.
 const MAX_BYTES: u64 = 60_000;
 /// The pages, and what each shows when it is complete.
-const PAGES: [[&str; 3]; 5] = [
+const PAGES: [[&str; 3]; 6] = [
     [
         "live",
         "/",
@@ -41,6 +41,11 @@ const PAGES: [[&str; 3]; 5] = [
         "reach",
         "/reach",
         "document.querySelector('#word').textContent.length === 12 && document.querySelector('#density svg')",
+    ],
+    [
+        "replay",
+        "/replay?data=run-1.csv",
+        "document.querySelector('#replay').dataset.row && document.querySelector('#arm').dataset.measured",
     ],
     ["diagnosis", "/diagnosis", "document.querySelector('#verdict-section')"],
     ["history", "/history", "document.querySelector('#diagnoses code')"],
@@ -98,6 +103,7 @@ fn prepare(bench: &Bench) {
     bench.phase("idle");
     // Control does not wait for it.
     diagnose_example(bench);
+    std::fs::copy(example("planar4-run.csv"), bench.data().join("run-1.csv")).unwrap();
     let page = bench.page_in_control();
     let digest = page.upload(&bench.table(&[WORD, "101000000000", "110100110100"], 0.4));
     page.play(&digest);
