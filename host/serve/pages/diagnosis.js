@@ -217,6 +217,18 @@ byId('cancel').addEventListener('click', () => running?.abort());
 
 // ---------------------------------------------------------------- the result
 
+// A diagnosis of the history as it was. The next measurement is made after a new one: its model is not at hand here.
+async function showStored(id) {
+  try {
+    const kept = await get(`/api/history/result?id=${encodeURIComponent(id)}`, 10_000);
+    if (running) return;
+    show({ ...kept, n_words: 0, has_plan: false, isStored: true });
+    byId('verdict-section').focus();
+  } catch (error) {
+    showFailure(error.message);
+  }
+}
+
 function show(shown) {
   result = shown;
   byId('actions').hidden = !result;
@@ -226,7 +238,7 @@ function show(shown) {
     byId('result').replaceChildren();
     return;
   }
-  setText(byId('result-files'), `${result.model} and ${result.data}`);
+  setText(byId('result-files'), `${result.model} and ${result.data}${result.isStored ? ', from the history' : ''}`);
   // What can be done stands behind the verdict.
   byId('result').before(byId('actions'));
   byId('result').innerHTML = result.html;
@@ -288,5 +300,7 @@ byId('write').addEventListener('click', () => {
 showFiles();
 showModels().catch(() => {});
 // The last result is there when the page is opened again.
-get('/api/diagnosis/result').then((last) => running || show(last)).catch(() => {});
+const stored = new URLSearchParams(location.search).get('result');
+if (stored) showStored(stored);
+else get('/api/diagnosis/result').then((last) => running || show(last)).catch(() => {});
 follow();

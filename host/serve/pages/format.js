@@ -22,8 +22,8 @@ export function seconds(s) {
 export const clock = (s) => `${fixed(s, 3)} s`;
 
 export const short = (digest) => (digest ? digest.slice(0, 16) : 'none');
-// A model by its file and number; its digest tells apart two of one name.
-export const modelName = ({ name, number }) => (number === null ? name : `${name}, model ${number}`);
+// A model by the name that a person gave it, its file and its number; its digest tells apart two of one name.
+export const modelName = ({ label, name, number }) => `${label ? `${label} · ` : ''}${number === null ? name : `${name}, model ${number}`}`;
 export const byId = (id) => document.getElementById(id);
 
 // Writes only what differs: twenty times a second, and a screen reader hears no repetition.

@@ -215,7 +215,10 @@ impl Diagnoses {
         let corrected = corrected.map(|(number, text)| Corrected::new(&sources.model, number, text));
         let corrected_arm = found.corrected_arm(Keep::Effects);
         let corrected_digest = corrected_arm.as_ref().map(|arm| arm.hash().to_string());
-        self.keep(sources, &found, corrected.as_ref(), corrected_digest);
+        // One diagnosis at a time: nobody else counts meanwhile.
+        let number = self.known().n_finished + 1;
+        let result = ResultView::new(sources, &found, corrected, number);
+        self.keep(sources, &found, &result, corrected_digest);
         let words = found.diagnosis.next_measurement.as_ref().map_or_else(Vec::new, |next| next.words.clone());
         let next = corrected_arm.or_else(|| found.arm().cloned()).map(|arm| Next {
             arm,
@@ -223,8 +226,7 @@ impl Diagnoses {
             diagnosed: sources.to_string(),
         });
         let mut known = self.known();
-        known.n_finished += 1;
-        let result = ResultView::new(sources, &found, corrected, known.n_finished);
+        known.n_finished = number;
         known.next = next;
         known.last = Some(result.clone());
         Ok(result)

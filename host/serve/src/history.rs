@@ -5,15 +5,19 @@
 //! | `GET /api/history`            | the newest entries of every kind; `null` where the server keeps no history    |
 //! | `GET /api/history/events`     | what happened in the run `?id=`                                              |
 //! | `GET /api/history/diagnosis`  | the numbers of the diagnosis `?id=`                                          |
+//! | `GET /api/history/result`     | what the page showed of the diagnosis `?id=`                                 |
+//! | `GET /api/history/numbers`    | effects and errors of the diagnosis or model `?entry=` of the kind `?of=`     |
+//! | `POST /api/history/name`      | gives an entry a name, or takes it away                                      |
 //! | `GET /api/history/model`      | the file of the model `?digest=`                                             |
 //! | `GET /api/history/table`      | the file of the table `?digest=`                                             |
 //! | `GET /api/history/export`     | all entries as JSON, or those of one kind as CSV by `?of=runs`, `diagnoses`, … |
 //!
-//! Nothing here changes an entry. A run is identified by the board, how often it has started, and number and time of the run's first
+//! Nothing here changes an entry but its name. A run is identified by the board, how often it has started, and number and time of the run's first
 //! event, so that it is not recorded twice where a server reads the board's events again. An entry is committed before a
 //! page can see it: what a page has shown is there after a crash. The end of a run that came while no server ran is read from
 //! the board's events later, as far as the board has kept them.
 
+mod comparison;
 mod read;
 mod requests;
 mod schema;

@@ -6,18 +6,18 @@ use sha2::{Digest as _, Sha256};
 
 use super::Diagnoses;
 use super::sources::Sources;
-use super::view::Corrected;
+use super::view::ResultView;
 use crate::history::{DiagnosisEntry, ModelEntry};
 use crate::unix_time;
 
 impl Diagnoses {
-    /// Keeps a diagnosis, its model and the corrected one in the history, where the server has one. Where that fails the diagnosis
+    /// Keeps a diagnosis with what pages show of it, its model and the corrected one in the history, where the server has one. Where that fails the diagnosis
     /// has not failed.
     pub(super) fn keep(
         &self,
         sources: &Sources<'_>,
         found: &FileDiagnosis,
-        corrected: Option<&Corrected>,
+        result: &ResultView,
         corrected_digest: Option<String>,
     ) {
         let Some(history) = self.hub.history() else { return };
@@ -27,7 +27,10 @@ impl Diagnoses {
         let file = String::from_utf8_lossy(model_bytes);
         let number = diagnosis.model;
         let model = ModelEntry { digest: &digest, name: &sources.model, number, parent: None, file: &file };
-        let corrected = corrected.map(|next| (next, corrected_digest.unwrap_or_else(|| sha256(next.text.as_bytes()))));
+        let corrected = result
+            .corrected
+            .as_ref()
+            .map(|next| (next, corrected_digest.unwrap_or_else(|| sha256(next.text.as_bytes()))));
         let next = corrected.as_ref().map(|(next, own)| ModelEntry {
             digest: own,
             name: &next.name,
@@ -36,6 +39,7 @@ impl Diagnoses {
             file: &next.text,
         });
         let (data_digest, report) = (sha256(upload.bytes(&upload.data)), numbers(found));
+        let shown = serde_json::to_string(result).unwrap_or_default();
         let verdict = diagnosis.verdict.to_string();
         let entry = DiagnosisEntry {
             model,
@@ -45,6 +49,7 @@ impl Diagnoses {
             verdict: &verdict,
             summary: diagnosis.plain.first().map_or("", String::as_str),
             report: &report,
+            result: &shown,
         };
         if let Err(error) = history.add_diagnosis(&entry, unix_time::now_ms()) {
             eprintln!("darm serve: the history does not keep the diagnosis: {error}");

@@ -16,6 +16,8 @@ const MAX_MODELS: u32 = 50;
 #[derive(Debug, Serialize)]
 pub(super) struct KnownModel {
     digest: String,
+    /// Name that a person gave it in the history.
+    label: Option<String>,
     /// Name of its file.
     name: String,
     number: Option<u64>,
@@ -48,12 +50,14 @@ pub(super) fn list(hub: &Hub, work: &Work) -> Result<Vec<KnownModel>, Refused> {
     let entries = hub.history().map_or(Ok(Vec::new()), |history| history.entries(Entry::Models, Some(MAX_MODELS)));
     let entries = entries.map_err(|error| Refused::new(Kind::Refused, error))?;
     let is_new = |model: &KnownModel| served.as_ref().is_none_or(|served| served.digest != model.digest);
+    let label = served.as_ref().and_then(|served| entries.iter().find(|entry| entry["digest"] == *served.digest));
+    let label = label.and_then(|entry| entry["label"].as_str().map(str::to_owned));
     let mut others: Vec<KnownModel> = entries.iter().filter_map(KnownModel::of_entry).filter(is_new).collect();
     for model in &mut others {
         work.check()?;
         model.origin = hub.history().and_then(|history| OriginView::of(history, &model.digest));
     }
-    Ok(served.into_iter().chain(others).collect())
+    Ok(served.map(|served| KnownModel { label, ..served }).into_iter().chain(others).collect())
 }
 
 /// The file of the model with this digest.
@@ -74,7 +78,7 @@ impl KnownModel {
     fn served(served: &ServedArm) -> Self {
         let arm = &served.wired.arm;
         let (digest, number) = (arm.hash().to_string(), Some(arm.model.number.into()));
-        Self { digest, name: as_file_name(served.file_name()), number, origin: None, is_served: true }
+        Self { digest, label: None, name: as_file_name(served.file_name()), number, origin: None, is_served: true }
     }
 
     /// `None` of an entry without a file.
@@ -84,6 +88,7 @@ impl KnownModel {
         let (digest, name) = text("digest").zip(text("name")).filter(|_| has_file)?;
         Some(Self {
             digest,
+            label: text("label"),
             name: as_file_name(&name),
             number: entry["number"].as_u64(),
             origin: None,

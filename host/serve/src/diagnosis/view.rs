@@ -23,7 +23,7 @@ pub(crate) struct ResultView {
     /// The report, as a part of a page.
     html: String,
     /// The corrected model; `None` where there is nothing to correct.
-    corrected: Option<Corrected>,
+    pub(super) corrected: Option<Corrected>,
     /// Number of the result on this server.
     number: u64,
     /// Words that distinguish the candidates, of an arm without servos.

@@ -44,22 +44,22 @@ impl Kind {
     const fn query(self) -> &'static str {
         match self {
             Self::Runs => {
-                "SELECT id, started_ms, ended_ms, outcome, cause, rows, arm_table AS \"table\", model, profile, board, device, boots
+                "SELECT id, label, started_ms, ended_ms, outcome, cause, rows, arm_table AS \"table\", model, profile, board, device, boots
                  FROM run ORDER BY started_ms DESC, id DESC"
             }
             Self::Diagnoses => {
-                "SELECT id, at_ms, model, data_name, data_digest, verdict, summary, corrected
+                "SELECT id, label, at_ms, model, data_name, data_digest, verdict, summary, corrected, result IS NOT NULL AS has_result
                  FROM diagnosis ORDER BY at_ms DESC, id DESC"
             }
             Self::Models => {
-                "SELECT digest, name, number, parent, seen_ms, file IS NOT NULL AS has_file
+                "SELECT digest, label, name, number, parent, seen_ms, file IS NOT NULL AS has_file
                  FROM model ORDER BY seen_ms DESC, digest"
             }
             Self::Tables => {
-                "SELECT digest, name, model, rows, end_s, seen_ms FROM arm_table ORDER BY seen_ms DESC, digest"
+                "SELECT digest, label, name, model, rows, end_s, seen_ms FROM arm_table ORDER BY seen_ms DESC, digest"
             }
             Self::Uploads => {
-                "SELECT upload.id, at_ms, arm_table AS \"table\", name, model, board, device
+                "SELECT upload.id, at_ms, arm_table AS \"table\", label, name, model, board, device
                  FROM upload LEFT JOIN arm_table ON arm_table = digest ORDER BY at_ms DESC, upload.id DESC"
             }
         }
@@ -139,6 +139,15 @@ impl History {
     /// The database cannot be read.
     pub fn report(&self, diagnosis: i64) -> Result<Option<String>, HistoryError> {
         self.part("SELECT report FROM diagnosis WHERE id = ?1", params![diagnosis])
+    }
+
+    /// What the page showed of a diagnosis, as JSON; `None` of one that was kept before it was kept too.
+    ///
+    /// # Errors
+    ///
+    /// The database cannot be read.
+    pub fn result(&self, diagnosis: i64) -> Result<Option<String>, HistoryError> {
+        self.part("SELECT result FROM diagnosis WHERE id = ?1 AND result IS NOT NULL", params![diagnosis])
     }
 
     /// When the diagnosis was made that a model was corrected after, the name of its measurements, and its numbers as JSON.

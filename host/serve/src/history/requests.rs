@@ -1,21 +1,25 @@
-//! What pages ask of the history. They change nothing.
+//! What pages ask of the history. They change nothing but names of entries.
 
 use std::sync::Arc;
 
 use axum::extract::{Query, State};
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
-use axum::routing::get;
+use axum::routing::{get, post};
 use axum::{Json, Router};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
+use super::comparison::{Line, lines};
 use super::{History, HistoryError, Kind};
 use crate::job_queue::{JobQueue, Work};
 use crate::refusal::{self, Refused};
 
 /// Entries of each kind that a page shows; an export has all.
 const SHOWN: u32 = 200;
+
+/// Longest name of an entry.
+const MAX_LABEL: usize = 60;
 
 /// The history, and who reads it.
 struct Reads {
@@ -31,6 +35,9 @@ pub(crate) fn router(history: Option<Arc<History>>) -> Router {
         .route("/api/history", get(newest))
         .route("/api/history/events", get(events))
         .route("/api/history/diagnosis", get(diagnosis))
+        .route("/api/history/result", get(result))
+        .route("/api/history/numbers", get(numbers))
+        .route("/api/history/name", post(name))
         .route("/api/history/model", get(model))
         .route("/api/history/table", get(table))
         .route("/api/history/export", get(export))
@@ -50,6 +57,24 @@ struct Digest {
 #[derive(Deserialize)]
 struct Of {
     of: Option<Kind>,
+}
+
+/// A diagnosis or a model.
+#[derive(Deserialize)]
+struct EntryOf {
+    of: Kind,
+    /// Its `id`, of a model its `digest`.
+    entry: String,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct NameRequest {
+    of: Kind,
+    /// Its `id`, of a model or table its `digest`.
+    entry: String,
+    /// Empty takes it away.
+    name: String,
 }
 
 #[derive(Serialize)]
@@ -92,6 +117,34 @@ async fn events(State(reads): Shared, Query(Id { id }): Query<Id>) -> Result<Jso
 async fn diagnosis(State(reads): Shared, Query(Id { id }): Query<Id>) -> Result<Response, Refused> {
     let report = reads.ask(move |history| history.report(id)).await?.ok_or_else(missing)?;
     Ok(([(header::CONTENT_TYPE, "application/json")], report).into_response())
+}
+
+async fn result(State(reads): Shared, Query(Id { id }): Query<Id>) -> Result<Response, Refused> {
+    let result = reads.ask(move |history| history.result(id)).await?;
+    let result = result.ok_or_else(|| {
+        Refused::new(
+            refusal::Kind::Invalid,
+            "the history has only the numbers of this diagnosis; diagnose its files again",
+        )
+    })?;
+    Ok(([(header::CONTENT_TYPE, "application/json")], result).into_response())
+}
+
+async fn numbers(
+    State(reads): Shared,
+    Query(EntryOf { of, entry }): Query<EntryOf>,
+) -> Result<Json<Vec<Line>>, Refused> {
+    reads.ask(move |history| lines(history, of, &entry)).await?.ok_or_else(missing).map(Json)
+}
+
+async fn name(
+    State(reads): Shared,
+    Json(NameRequest { of, entry, name }): Json<NameRequest>,
+) -> Result<Json<()>, Refused> {
+    let name: String = name.trim().chars().filter(|c| !c.is_control()).take(MAX_LABEL).collect();
+    let is_known =
+        reads.ask(move |history| history.set_label(of, &entry, Some(&*name).filter(|name| !name.is_empty())));
+    if is_known.await? { Ok(Json(())) } else { Err(missing()) }
 }
 
 async fn model(State(reads): Shared, Query(Digest { digest }): Query<Digest>) -> Result<Json<String>, Refused> {

@@ -6,7 +6,7 @@ use rusqlite::{Connection, TransactionBehavior};
 
 use super::HistoryError;
 
-/// Runs of tables with their events, tables, models with their lineage, diagnoses, uploads.
+/// Runs of tables with their events, tables, models with their lineage, diagnoses, uploads: version 3.
 const SCHEMA: &str = "
 CREATE TABLE arm_table (
     digest TEXT PRIMARY KEY,
@@ -73,13 +73,27 @@ CREATE TABLE upload (
 CREATE INDEX upload_by_time ON upload (at_ms);
 ";
 
-/// Version of these tables; 1 and 2 were never released. A change after a release gets the next one, and a step from this one.
-const VERSION: i64 = 3;
+/// What follows it, a step for each version.
+const STEPS: [&str; 1] = [
+    // 4: names that people give, and what the page Diagnosis showed.
+    "
+ALTER TABLE run ADD COLUMN label TEXT;
+ALTER TABLE diagnosis ADD COLUMN label TEXT;
+ALTER TABLE diagnosis ADD COLUMN result TEXT;
+ALTER TABLE model ADD COLUMN label TEXT;
+ALTER TABLE arm_table ADD COLUMN label TEXT;
+",
+];
+
+/// Version of the first tables; 1 and 2 were never released. A change gets another step.
+const FIRST_VERSION: i64 = 3;
+const VERSION: i64 = FIRST_VERSION + STEPS.len() as i64;
 
 /// Number in the file that names its program: `darm` in ASCII.
 const APPLICATION: i64 = 0x6461_726d;
 
-/// Makes the tables of a new database, completely or not at all, and refuses one that is not ours or of another version.
+/// Makes the tables of a new database, or brings those of an earlier version to this one, completely or not at all; refuses a database that is
+/// not ours or of a later version.
 pub(super) fn prepare(connection: &mut Connection, path: &Path) -> Result<(), HistoryError> {
     let in_file = |source| HistoryError::Open { path: path.into(), source };
     // Of two servers that start together one waits.
@@ -87,27 +101,58 @@ pub(super) fn prepare(connection: &mut Connection, path: &Path) -> Result<(), Hi
     let number = |pragma: &str| transaction.pragma_query_value(None, pragma, |row| row.get::<_, i64>(0));
     let (version, application) = (number("user_version").map_err(in_file)?, number("application_id").map_err(in_file)?);
     let n_parts = transaction.query_row("SELECT count(*) FROM sqlite_schema", [], |row| row.get::<_, i64>(0));
-    if application == 0 && version == 0 && n_parts.map_err(in_file)? == 0 {
-        let apply = || {
+    let is_new = application == 0 && version == 0 && n_parts.map_err(in_file)? == 0;
+    let known = match (application, version) {
+        _ if is_new => FIRST_VERSION,
+        (APPLICATION, VERSION) => return Ok(()),
+        (APPLICATION, FIRST_VERSION..VERSION) => version,
+        (APPLICATION, found) => return Err(HistoryError::Version { path: path.into(), found, known: VERSION }),
+        _ => return Err(HistoryError::Foreign { path: path.into() }),
+    };
+    let apply = || {
+        if is_new {
             transaction.execute_batch(SCHEMA)?;
             transaction.pragma_update(None, "application_id", APPLICATION)?;
-            transaction.pragma_update(None, "user_version", VERSION)
-        };
-        apply().map_err(in_file)?;
-        return transaction.commit().map_err(in_file);
-    }
-    match (application, version) {
-        (APPLICATION, VERSION) => Ok(()),
-        (APPLICATION, found) => Err(HistoryError::Version { path: path.into(), found, known: VERSION }),
-        _ => Err(HistoryError::Foreign { path: path.into() }),
-    }
+        }
+        let missing = STEPS.iter().skip((known - FIRST_VERSION) as usize);
+        missing.into_iter().try_for_each(|step| transaction.execute_batch(step))?;
+        transaction.pragma_update(None, "user_version", VERSION)
+    };
+    apply().map_err(in_file)?;
+    transaction.commit().map_err(in_file)
 }
 
 #[cfg(test)]
 mod tests {
     use rusqlite::Connection;
 
-    use crate::history::{History, HistoryError};
+    use super::{APPLICATION, FIRST_VERSION, SCHEMA, VERSION};
+    use crate::history::{History, HistoryError, Kind};
+
+    #[test]
+    fn a_file_of_the_first_version_keeps_its_entries_and_has_names_afterwards() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("history.sqlite3");
+        let first = Connection::open(&path).unwrap();
+        first.execute_batch(SCHEMA).unwrap();
+        first.pragma_update(None, "application_id", APPLICATION).unwrap();
+        first.pragma_update(None, "user_version", FIRST_VERSION).unwrap();
+        let values = "VALUES (7, 5, 'm', 'run.csv', 'd', 'no-effect', 'nothing', NULL, '{}')";
+        let columns = "id, at_ms, model, data_name, data_digest, verdict, summary, corrected, report";
+        first.execute_batch(&format!("INSERT INTO diagnosis ({columns}) {values}")).unwrap();
+        drop(first);
+        // Once, and again.
+        for _ in 0..2 {
+            let history = History::open(&path).unwrap();
+            let entries = history.entries(Kind::Diagnoses, None).unwrap();
+            assert_eq!((entries.len(), entries[0]["data_name"].as_str()), (1, Some("run.csv")));
+            assert_eq!((entries[0]["has_result"].as_i64(), history.result(7).unwrap()), (Some(0), None));
+            assert!(history.set_label(Kind::Diagnoses, "7", Some("bench")).unwrap());
+        }
+        let version = Connection::open(&path).unwrap();
+        let version = version.pragma_query_value(None, "user_version", |row| row.get::<_, i64>(0));
+        assert_eq!(version.unwrap(), VERSION);
+    }
 
     #[test]
     fn another_version_and_other_files_are_refused_and_left_as_they_are() {

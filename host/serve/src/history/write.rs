@@ -2,6 +2,7 @@
 
 use rusqlite::{Connection, OptionalExtension as _, Transaction, params};
 
+use super::read::Kind;
 use super::{History, HistoryError};
 use crate::view::EventView;
 
@@ -88,6 +89,8 @@ pub struct DiagnosisEntry<'a> {
     pub summary: &'a str,
     /// The numbers, as JSON.
     pub report: &'a str,
+    /// What the page shows of it, as JSON.
+    pub result: &'a str,
 }
 
 impl History {
@@ -135,6 +138,24 @@ impl History {
         let written = insert_diagnosis(&mut self.writer(), entry, now_ms);
         self.noted(written)
     }
+
+    /// Gives an entry a name, by its `id` or `digest`, or takes it away; whether there is such an entry.
+    ///
+    /// # Errors
+    ///
+    /// The database cannot be written.
+    pub fn set_label(&self, kind: Kind, entry: &str, label: Option<&str>) -> Result<bool, HistoryError> {
+        let update = match kind {
+            Kind::Runs => "UPDATE run SET label = ?2 WHERE id = ?1",
+            Kind::Diagnoses => "UPDATE diagnosis SET label = ?2 WHERE id = ?1",
+            Kind::Models => "UPDATE model SET label = ?2 WHERE digest = ?1",
+            Kind::Tables => "UPDATE arm_table SET label = ?2 WHERE digest = ?1",
+            // It has that of its table.
+            Kind::Uploads => return Ok(false),
+        };
+        let written = self.writer().execute(update, params![entry, label]);
+        self.noted(written).map(|n_entries| n_entries > 0)
+    }
 }
 
 /// What happened on a board.
@@ -170,8 +191,8 @@ fn insert_diagnosis(writer: &mut Connection, entry: &DiagnosisEntry<'_>, now_ms:
     insert_model(&transaction, &entry.model, now_ms)?;
     entry.corrected.iter().try_for_each(|model| insert_model(&transaction, model, now_ms))?;
     transaction.execute(
-        "INSERT INTO diagnosis (at_ms, model, data_name, data_digest, verdict, summary, corrected, report)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)",
+        "INSERT INTO diagnosis (at_ms, model, data_name, data_digest, verdict, summary, corrected, report, result)
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9)",
         params![
             now_ms,
             entry.model.digest,
@@ -180,7 +201,8 @@ fn insert_diagnosis(writer: &mut Connection, entry: &DiagnosisEntry<'_>, now_ms:
             entry.verdict,
             entry.summary,
             entry.corrected.map(|model| model.digest),
-            entry.report
+            entry.report,
+            entry.result
         ],
     )?;
     transaction.commit()

@@ -18,20 +18,38 @@ pub(super) fn history() -> Markup {
                     }
                     button #refresh type="button" { "Refresh" }
                 }
+                p.note {
+                    "A name that you give an entry below is shown before its digest, also on the page Diagnosis. Without spaces: " kbd { "Space" } " stops the arm."
+                }
                 p #note .note role="status" {}
             }
-            (table("runs", "Runs", &["Began", "Took", "Outcome", "Rows", "Table", "Model", "Board", "Events"]))
+            (table("runs", "Runs", &["Name, began", "Took", "Outcome", "Rows", "Table", "Model", "Board", "Events"]))
             section #events-section aria-labelledby="events-title" hidden {
                 h2 #events-title tabindex="-1" {}
                 ol #events .events {}
             }
-            (table("diagnoses", "Diagnoses", &["When", "Model", "Measurements", "Verdict", "Corrected model", "Numbers"]))
+            (table("diagnoses", "Diagnoses", &["Name, when", "Model", "Measurements", "Verdict", "Corrected model", "Open"]))
             section aria-labelledby="models-title" {
                 h2 #models-title { "Models" }
                 p.note { "A corrected model is below the model that it was made from." }
                 div #lineage {}
             }
-            (table("tables", "Tables", &["First seen", "Name", "Digest", "Model", "Rows", "Ends", "File"]))
+            section aria-labelledby="compare-title" {
+                h2 #compare-title { "Compare" }
+                div.fields {
+                    @for (id, label) in [("first", "This"), ("second", "with")] {
+                        div.field { label for=(id) { (label) } select #(id) { option value="" { "choose a diagnosis or a model" } } }
+                    }
+                }
+                p #compare-note .note role="status" {}
+                div #compare-scroll .scroll tabindex="0" role="region" aria-labelledby="compare-title" hidden {
+                    table #compared {
+                        thead { tr { th scope="col" { "Number" } th scope="col" {} th scope="col" {} th scope="col" { "Differs" } } }
+                        tbody {}
+                    }
+                }
+            }
+            (table("tables", "Tables", &["Name, first seen", "File", "Digest", "Model", "Rows", "Ends", "Save"]))
             (table("uploads", "Uploads", &["When", "Table", "Digest", "Model", "Board"]))
         }
     }

@@ -113,6 +113,7 @@ fn the_corrected_model_knows_its_parent() {
         verdict: "effect-found",
         summary: "A stroke.",
         report: "{}",
+        result: "{\"html\":\"\"}",
     };
     history.add_diagnosis(&entry, 2).unwrap();
     history.add_model(&model("b", Some("b")), 3).unwrap();
@@ -120,4 +121,12 @@ fn the_corrected_model_knows_its_parent() {
     let parent = |digest: &str| models.iter().find(|entry| entry["digest"] == digest).map(|entry| &entry["parent"]);
     assert_eq!((models.len(), parent("b")), (2, Some(&"a".into())));
     assert_eq!(history.entries(Kind::Diagnoses, None).unwrap()[0]["corrected"], "b");
+    assert_eq!(history.result(1).unwrap().as_deref(), Some(entry.result));
+    // A model that is seen again keeps the name that a person gave it.
+    assert!(history.set_label(Kind::Models, "b", Some("after the bench")).unwrap());
+    history.add_model(&model("b", None), 4).unwrap();
+    let models = history.entries(Kind::Models, None).unwrap();
+    assert!(models.iter().any(|entry| entry["digest"] == "b" && entry["label"] == "after the bench"));
+    assert!(!history.set_label(Kind::Models, "c", Some("x")).unwrap());
+    assert!(!history.set_label(Kind::Diagnoses, "1 OR 1=1", Some("x")).unwrap());
 }
