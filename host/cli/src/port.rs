@@ -85,7 +85,8 @@ pub(crate) fn share(client: &Client, handle: &StopHandle, role: Role) {
 /// Opens a port, or attaches to the process that has it and shares it; other processes can send a stop through this one.
 pub(crate) fn open(name: &str) -> Result<(Box<dyn Link>, StopHandle), LinkError> {
     let socket = state_folder::stop_socket(name);
-    match socket.as_deref().and_then(|socket| attach(name, socket, &own_name())) {
+    let attached = socket.as_deref().map_or(Ok(None), |socket| attach(name, socket, &own_name()))?;
+    match attached {
         Some(attached) => Ok(attached),
         None => Ok(hold(link::open(name)?, socket.as_deref())),
     }

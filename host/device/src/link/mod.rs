@@ -125,6 +125,14 @@ pub enum LinkError {
         /// The program that has it open.
         holder: String,
     },
+    /// The `darm` that shares the port has no place for another program.
+    #[error("{port} is used by {programs} other programs, the most there may be; end one of them and try again")]
+    Full {
+        /// The port as named by the user.
+        port: String,
+        /// How many programs use it.
+        programs: usize,
+    },
     /// A `darm` that is suspended holds the port.
     #[error(
         "{port} is held by the suspended process {process}; continue it with `kill -CONT {process}`, then repeat the stop, or use \

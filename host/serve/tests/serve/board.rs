@@ -180,7 +180,7 @@ impl Bench {
     #[track_caller]
     pub(crate) fn guest(&self, name: &str) -> Client {
         self.live(|live| live["link"]["state"] == "live");
-        Client::connect(attach("in-process", &self.socket, name).unwrap().0).unwrap()
+        Client::connect(attach("in-process", &self.socket, name).unwrap().unwrap().0).unwrap()
     }
 }
 

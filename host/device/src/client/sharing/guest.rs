@@ -5,19 +5,30 @@ use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::time::Duration;
 
+use super::MAX_GUESTS;
 use crate::client::stop::{StopHandle, socket};
-use crate::link::Link;
 use crate::link::socket::Socket;
+use crate::link::{Link, LinkError};
 
 /// The holder answers at once, or is suspended.
 const ANSWER: Duration = Duration::from_millis(400);
 
 /// Attaches to the process that has `port`, through its socket, as `name`; `None` where there is no such process, or it does not
 /// share.
-pub fn attach(port: &str, socket: &Path, name: &str) -> Option<(Box<dyn Link>, StopHandle)> {
-    let stream = ask(socket, &format!("attach {name}")).filter(|(_, answer)| answer == "attached")?.0;
-    let link = Socket::of_holder(stream, port);
-    Some((Box::new(link), StopHandle::of_guest(port, socket)))
+///
+/// # Errors
+///
+/// [`MAX_GUESTS`] programs use the port already.
+pub fn attach(port: &str, socket: &Path, name: &str) -> Result<Option<(Box<dyn Link>, StopHandle)>, LinkError> {
+    let Some((stream, answer)) = ask(socket, &format!("attach {name}")) else { return Ok(None) };
+    match answer.as_str() {
+        "attached" => {
+            let link = Socket::of_holder(stream, port);
+            Ok(Some((Box::new(link), StopHandle::of_guest(port, socket))))
+        }
+        "full" => Err(LinkError::Full { port: port.to_owned(), programs: MAX_GUESTS }),
+        _ => Ok(None),
+    }
 }
 
 /// Whether the process that serves at `socket` shares its port.

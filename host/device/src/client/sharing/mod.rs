@@ -20,13 +20,15 @@
 //!   stored table, that its own last `Hello` has seen.
 //! - A guest that is not allowed to change something is answered by the holder with a sentence ([`ClientError::Denied`](super::ClientError::Denied)).
 //!
-//! The way to attach is one line each: `attach NAME`, with the command for people; `attached`, or `alone` where the holder does not
-//! share.
+//! The way to attach is one line each: `attach NAME`, with the command for people; `attached`, `alone` where the holder does not
+//! share, or `full` where [`MAX_GUESTS`] are there.
 
 mod guest;
 mod line_kind;
 mod session;
 
+use std::io::Write as _;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Weak};
 use std::thread;
 
@@ -34,6 +36,10 @@ use super::line::Line;
 use super::stop::{StopHandle, socket};
 pub use guest::{attach, is_shared};
 pub use line_kind::{LineKind, NoLine};
+
+/// Most guests at once. Each has two threads and two descriptors of the holder: a process has 1024 descriptors by default, of which a
+/// server needs some 500 for its pages, and a stop of another program needs one.
+pub const MAX_GUESTS: usize = 32;
 
 /// A program that uses the port of another.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -78,11 +84,35 @@ pub(super) fn share(line: &Arc<Line>, handle: &StopHandle, rights: Arc<dyn Right
     let (sharing, counted) = (Sharing { line: Arc::downgrade(line), rights }, handle.clone());
     line.set_handle(handle.clone());
     line.take().count_stops_by(Box::new(move || counted.stops()));
-    handle.welcome_guests(Arc::new(move |stream, name| {
+    let taken = Arc::default();
+    handle.welcome_guests(Arc::new(move |mut stream, name| {
+        let Some(place) = Place::take(&taken) else { return stream.write_all(b"full\n") };
+        stream.write_all(b"attached\n")?;
         let guest = Guest { key: rand::random(), name, process: socket::process_of(&stream) };
         let sharing = sharing.clone();
-        thread::spawn(move || session::serve(stream, guest, sharing));
+        thread::spawn(move || {
+            session::serve(stream, guest, sharing);
+            drop(place);
+        });
+        Ok(())
     }));
+}
+
+/// The place of a guest, which is free again when this is dropped.
+struct Place(Arc<AtomicUsize>);
+
+impl Place {
+    fn take(taken: &Arc<AtomicUsize>) -> Option<Self> {
+        let before = taken.fetch_add(1, Ordering::AcqRel);
+        let place = Self(Arc::clone(taken));
+        (before < MAX_GUESTS).then_some(place)
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::AcqRel);
+    }
 }
 
 #[cfg(test)]

@@ -55,7 +55,10 @@ impl Holder {
         let socket = folder.path().join("port");
         let (link, board) = FakeBoard::new();
         let (link, handle) = hold(Box::new(link), Some(&socket));
-        assert!(!is_shared(&socket) && attach("fake", &socket, "early").is_none(), "not before the client shares it");
+        assert!(
+            !is_shared(&socket) && attach("fake", &socket, "early").unwrap().is_none(),
+            "not before the client shares it"
+        );
         let client = Client::connect_as(link, 1).unwrap();
         let rights = Arc::new(TestRights::default());
         client.share(&handle, Arc::clone(&rights) as _);
@@ -64,7 +67,7 @@ impl Holder {
     }
 
     fn guest(&self, name: &str) -> (Client, StopHandle) {
-        let (link, handle) = attach("fake", &self.socket, name).unwrap();
+        let (link, handle) = attach("fake", &self.socket, name).unwrap().unwrap();
         (Client::connect(link).unwrap(), handle)
     }
 
@@ -254,7 +257,7 @@ fn a_guest_sees_the_end_of_the_holder_as_the_end_of_the_port() {
     drop(client);
     let error = guest.status().unwrap_err();
     assert!(matches!(error, ClientError::Transport(TransportError::Link(LinkError::Closed { .. }))), "{error:?}");
-    assert!(handle.stop(STOP_BOUND).is_err() && attach("fake", &socket, "late").is_none());
+    assert!(handle.stop(STOP_BOUND).is_err() && attach("fake", &socket, "late").unwrap().is_none());
 }
 
 /// Stops, guests and ports that come and go at the same time.
@@ -275,7 +278,8 @@ mod at_once {
     use crate::client::exchange::Exchange;
     use crate::client::fake::{FakeBoard, until};
     use crate::client::question;
-    use crate::client::stop::{STOP_BOUND, hold, is_in_use};
+    use crate::client::sharing::MAX_GUESTS;
+    use crate::client::stop::{Confirmation, STOP_BOUND, hold, is_in_use, stop_at};
     use crate::link::{Link, LinkError};
 
     const SOON: Duration = Duration::from_millis(300);
@@ -301,7 +305,7 @@ mod at_once {
 
     /// A guest that sends frames and lines as it likes.
     fn raw_guest(holder: &Holder) -> Exchange {
-        let (link, _) = attach("fake", &holder.socket, "raw").unwrap();
+        let (link, _) = attach("fake", &holder.socket, "raw").unwrap().unwrap();
         let mut raw = Exchange::new(link, 77);
         raw.ask(&question::hello(0).request).unwrap();
         raw
@@ -423,6 +427,23 @@ mod at_once {
         }
     }
 
+    /// A holder without a free descriptor takes no stop.
+    #[test]
+    fn guests_are_few_and_a_stop_gets_through() {
+        let holder = Holder::new();
+        let attach = || attach("fake", &holder.socket, "idle");
+        let mut guests: Vec<_> = (0..MAX_GUESTS).map(|_| attach().unwrap().unwrap()).collect();
+        let refused = attach().err().unwrap().to_string();
+        let text = "fake is used by 32 other programs, the most there may be; end one of them and try again";
+        assert_eq!(refused, text);
+        assert_eq!(stop_at("fake", Some(holder.socket.clone())).unwrap(), Confirmation::Confirmed);
+        guests.pop();
+        let since = Instant::now();
+        while attach().is_err() {
+            assert!(since.elapsed() < Duration::from_secs(10), "no place is free again");
+        }
+    }
+
     /// Each asker has a thread.
     #[test]
     fn an_asker_that_says_nothing_more_keeps_no_stop_out() {
@@ -456,7 +477,7 @@ mod at_once {
         let (link, handle) = hold(Box::new(Slow(board, Duration::from_millis(150))), Some(&socket));
         let client = Client::connect_as(link, 1).unwrap();
         client.share(&handle, Arc::<super::TestRights>::default() as _);
-        let (guest, _) = attach("fake", &socket, "guest").unwrap();
+        let (guest, _) = attach("fake", &socket, "guest").unwrap().unwrap();
         let asking = std::thread::spawn(move || {
             if let Ok(mut client) = Client::connect(guest) {
                 while client.status().is_ok() {}
@@ -475,7 +496,7 @@ mod at_once {
     #[test]
     fn a_guest_that_was_there_before_the_port_was_lost_can_stop_afterwards() {
         let Holder { mut client, handle, board, rights, socket, _folder } = Holder::new();
-        let (link, _) = attach("fake", &socket, "guest").unwrap();
+        let (link, _) = attach("fake", &socket, "guest").unwrap().unwrap();
         let mut guest = Client::connect(link).unwrap();
         let heard: Arc<Mutex<Vec<u8>>> = Arc::default();
         let to = Arc::clone(&heard);

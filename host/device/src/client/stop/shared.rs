@@ -1,6 +1,7 @@
 //! A port that one thread reads and writes as usual, while any other may send the stop past it.
 
 use std::collections::VecDeque;
+use std::io;
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -39,7 +40,7 @@ pub fn hold(link: Box<dyn Link>, socket: Option<&Path>) -> (Box<dyn Link>, StopH
 }
 
 /// Serves a program that has attached, with its name, and returns at once.
-pub(in crate::client) type WelcomeGuest = Arc<dyn Fn(UnixStream, String) + Send + Sync>;
+pub(in crate::client) type WelcomeGuest = Arc<dyn Fn(UnixStream, String) -> io::Result<()> + Send + Sync>;
 
 /// The port as its user sees it.
 struct SharedPort {

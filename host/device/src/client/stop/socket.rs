@@ -6,7 +6,7 @@
 //! |---------------|-------------------------------------------------------------------------------------------------|
 //! | `stop`        | `confirmed`, `outputs alone` (the board does not control its servos), `sent` (the board has not confirmed) or `failed` (the port takes no bytes) |
 //! | `shared?`     | `shared` or `alone`                                                                             |
-//! | `attach NAME` | `attached`, and the connection is the board's from then on (`crate::client::sharing`), or `alone` |
+//! | `attach NAME` | `attached`, and the connection is the board's from then on (`crate::client::sharing`); `alone`, or `full` |
 
 use std::io::{Read as _, Write as _};
 use std::os::unix::fs::MetadataExt as _;
@@ -122,9 +122,7 @@ fn attach(mut asker: UnixStream, name: &str, handle: &StopHandle) -> std::io::Re
     let Some(welcome) = handle.guests().filter(|_| is_of_this_user(&asker)) else {
         return asker.write_all(b"alone\n");
     };
-    asker.write_all(b"attached\n")?;
-    welcome(asker, name.chars().filter(|c| !c.is_control()).collect());
-    Ok(())
+    welcome(asker, name.chars().filter(|c| !c.is_control()).collect())
 }
 
 /// The folder of the socket keeps other users out already; where the system does not say whose process it is, nothing more is known.
