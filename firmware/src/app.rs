@@ -20,6 +20,7 @@ use core::pin::pin;
 use core::task::Poll;
 
 use darm_core::wire::bootstrap;
+use darm_core::wire::scan::{Scanner, Stop};
 use embassy_futures::select::{Either, Either4, select, select4};
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex;
@@ -34,7 +35,7 @@ use crate::control::Shared;
 use crate::dispatch::Dispatcher;
 use crate::pipe::Pipe;
 use crate::port::{Item, Port};
-use crate::scan::{Scanner, Stop};
+use crate::scan;
 
 /// Bytes that wait for `work`: three chunks of an upload.
 const INBOX: usize = 1152;
@@ -251,7 +252,7 @@ struct Out<'w, W, K> {
 impl<W: Write, K: Clock> Out<'_, W, K> {
     /// Waits until the outputs are off and the servos have their orders, then says so.
     async fn confirm(&self, stop: Stop, shared: &Shared<'_>) {
-        let confirmation = stop.obeyed(shared, || self.clock.now()).await;
+        let confirmation = scan::obeyed(stop, shared, || self.clock.now()).await;
         self.send(&confirmation).await;
     }
 

@@ -13,6 +13,7 @@
 //! and the zero that follows at once does not close it.
 use darm_core::units::Micros;
 use darm_core::wire::frame::MAX_FRAME;
+use darm_core::wire::scan::MAX_SPACES;
 
 /// Silence after which an open frame is given up.
 pub const SILENCE: Micros = Micros::from_millis(100);
@@ -20,8 +21,6 @@ pub const SILENCE: Micros = Micros::from_millis(100);
 pub const LINE_SILENCE: Micros = Micros::from_millis(30_000);
 /// What a board queues for the line, bytes: they leave at 11.5 a millisecond, and what confirms a stop leaves behind them within 20 ms.
 pub const QUEUE: usize = 128;
-/// Spaces in a row that count, here and for the scanner of stops: more would push the word out of the characters that it remembers.
-pub(crate) const MAX_SPACES: usize = 8;
 /// Longest line of text.
 const MAX_LINE: usize = 120;
 

@@ -6,13 +6,14 @@
 //! controls the servos.
 use darm_core::wire::bootstrap::{self, ANSWER, CrashRecord, Payload, Request, Servos, Version};
 use darm_core::wire::frame::{self, Header};
+use darm_core::wire::scan::Scanner;
 use embassy_futures::yield_now;
 use embedded_io_async::{Read, Write};
 
 use crate::clock::Clock;
 use crate::dispatch::{Board, FIRMWARE};
 use crate::port::{Item, Port};
-use crate::scan::Scanner;
+use crate::scan::confirmation;
 
 /// Version of the messages of a held board: the bootstrap set alone.
 pub const RECOVERY_PROTOCOL: u16 = 0;
@@ -46,7 +47,7 @@ pub async fn serve(
         for &byte in bytes.iter().take(n) {
             if let Some(stop) = scanner.push(byte) {
                 // Every output is disabled already.
-                let _ = writer.write_all(&stop.confirmation(Servos::Uncontrolled, clock.now())).await;
+                let _ = writer.write_all(&confirmation(stop, Servos::Uncontrolled, clock.now())).await;
                 port = Port::default();
                 continue;
             }

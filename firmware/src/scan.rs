@@ -1,28 +1,12 @@
-//! Finds a stop in the bytes of the console, whatever is around it.
-//!
-//! A stop is one event, in whatever form it comes: typed, the frozen frame of the bootstrap set, or the message `Command(Stop)` of
-//! any link and number. It must not depend on what else is on the line: an open frame of another program, lost zeros, noise
-//! before a typed word. So nothing is parsed here. A stop frame is what is between any two zeros, if its checksum is right and
-//! [`Stop::of`] says so; a typed stop is a line that ends in `stop`, after corrections of up to twelve characters. The bytes
-//! `stop\r` within the data of another frame are a stop too: by chance once in 10^12 bytes, and a stop too many does no harm.
+//! What confirms a stop that the scanner has found on the line.
 use darm_core::units::Micros;
-use darm_core::wire::bootstrap::{self, ANSWER, Servos, Stopped};
-use darm_core::wire::frame::{self, HEADER, Header};
-use darm_core::wire::message::{self, MAX_STOP, REQUEST};
+use darm_core::wire::bootstrap::{ANSWER, Servos, Stopped};
+use darm_core::wire::frame::{self, Header};
+use darm_core::wire::message;
+use darm_core::wire::scan::Stop;
 use embassy_futures::yield_now;
 
 use crate::control::Shared;
-use crate::port::MAX_SPACES;
-
-/// A stop, in the language in which it came.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Stop {
-    Typed,
-    /// The frame of the bootstrap set.
-    Bootstrap(Header),
-    /// A request of the messages.
-    Message(Header),
-}
 
 /// What confirms a stop on the line.
 pub(crate) type Confirmation = heapless::Vec<u8, 80>;
@@ -30,33 +14,22 @@ pub(crate) type Confirmation = heapless::Vec<u8, 80>;
 const TYPED: &[u8] = b"ok\r\n";
 const TYPED_OUTPUTS_ALONE: &[u8] = b"outputs off; servos are not controlled by this board now: cut their supply\r\n";
 
-impl Stop {
-    /// What a frame means, if it is a stop: the only place that decides this.
-    pub(crate) fn of(header: Header, payload: &[u8]) -> Option<Self> {
-        if header.tag == REQUEST {
-            return message::is_stop(payload).then_some(Self::Message(header));
-        }
-        let request = bootstrap::Request::decode(header.tag, payload)?;
-        (request == bootstrap::Request::Stop).then_some(Self::Bootstrap(header))
+/// What confirms a stop, in its own language.
+pub(crate) fn confirmation(stop: Stop, servos: Servos, now: Micros) -> Confirmation {
+    match stop {
+        Stop::Typed if servos == Servos::Uncontrolled => copied(TYPED_OUTPUTS_ALONE),
+        Stop::Typed => copied(TYPED),
+        Stop::Bootstrap(header) => framed(header, &Stopped::encode(servos)),
+        Stop::Message(header) => framed(header, &message::done(now)),
     }
+}
 
-    /// What confirms it, in its own language.
-    pub(crate) fn confirmation(self, servos: Servos, now: Micros) -> Confirmation {
-        match self {
-            Self::Typed if servos == Servos::Uncontrolled => copied(TYPED_OUTPUTS_ALONE),
-            Self::Typed => copied(TYPED),
-            Self::Bootstrap(header) => framed(header, &Stopped::encode(servos)),
-            Self::Message(header) => framed(header, &message::done(now)),
-        }
+/// Waits until the outputs are off and the servos have their orders; what then confirms it.
+pub(crate) async fn obeyed(stop: Stop, shared: &Shared<'_>, now: impl Fn() -> Micros) -> Confirmation {
+    while !shared.has_stopped() {
+        yield_now().await;
     }
-
-    /// Waits until the outputs are off and the servos have their orders; what then confirms it.
-    pub(crate) async fn obeyed(self, shared: &Shared<'_>, now: impl Fn() -> Micros) -> Confirmation {
-        while !shared.has_stopped() {
-            yield_now().await;
-        }
-        self.confirmation(shared.servos(), now())
-    }
+    confirmation(stop, shared.servos(), now())
 }
 
 fn copied(bytes: &[u8]) -> Confirmation {
@@ -69,72 +42,18 @@ fn framed(header: Header, payload: &[u8]) -> Confirmation {
     copied(len.ok().and_then(|len| bytes.get(..len)).unwrap_or_default())
 }
 
-/// Longest stop frame between its zeros: header, payload, checksum and COBS's overhead.
-const FRAME: usize = HEADER + MAX_STOP + 4 + 1;
-const WORD: u32 = u32::from_be_bytes(*b"stop");
-/// Bit 5 of each letter: small and capital.
-const CASE: u32 = 0x2020_2020;
-
-/// What has been received since the last zero, and the last characters of the line.
-#[derive(Default)]
-pub(crate) struct Scanner {
-    bytes: [u8; FRAME],
-    /// May be larger than the room: what is that long is no stop.
-    len: usize,
-    /// The last sixteen characters, the last one lowest.
-    typed: u128,
-}
-
-impl Scanner {
-    /// Takes the next byte; the stop that it completes.
-    pub(crate) fn push(&mut self, byte: u8) -> Option<Stop> {
-        if byte == 0 {
-            let stop = self.bytes.get_mut(..self.len).and_then(stop_frame);
-            *self = Self::default();
-            return stop;
-        }
-        if let Some(slot) = self.bytes.get_mut(self.len) {
-            *slot = byte;
-        }
-        self.len = self.len.saturating_add(1);
-        match byte {
-            b'\r' | b'\n' => {
-                let mut line = core::mem::take(&mut self.typed);
-                while line as u8 == b' ' {
-                    line >>= 8;
-                }
-                return (line as u32 | CASE == WORD).then_some(Stop::Typed);
-            }
-            0x08 | 0x7f => self.typed >>= 8,
-            b' ' if self.typed as u64 == u64::from_be_bytes([b' '; MAX_SPACES]) => {}
-            _ => self.typed = self.typed << 8 | u128::from(byte),
-        }
-        None
-    }
-}
-
-fn stop_frame(encoded: &mut [u8]) -> Option<Stop> {
-    let (header, payload) = frame::decode(encoded).ok()?;
-    Stop::of(header, payload)
-}
-
 #[cfg(test)]
 mod tests {
-    use super::{FRAME, Scanner, Stop};
     use crate::port::{Item, Port};
     use darm_core::sequencer::Command;
     use darm_core::units::Micros;
     use darm_core::wire::bootstrap;
     use darm_core::wire::frame::{self, Header, MAX_FRAME, encode};
     use darm_core::wire::message::{REQUEST, Request};
+    use darm_core::wire::scan::{Scanner, Stop};
 
     const HEADER: Header = Header { tag: bootstrap::Request::Stop.tag(), link: 0, number: 9 };
     const MESSAGE: Header = Header { tag: REQUEST, link: 0xdead_0000, number: 0xff00 };
-
-    fn stops(bytes: &[u8]) -> Vec<Stop> {
-        let mut scanner = Scanner::default();
-        bytes.iter().filter_map(|byte| scanner.push(*byte)).collect()
-    }
 
     fn frame_of(header: Header, payload: &[u8]) -> Vec<u8> {
         let mut frame = [0; MAX_FRAME];
@@ -142,16 +61,10 @@ mod tests {
         frame[..len].to_vec()
     }
 
-    /// Both frames, and the message with each index in as many bytes as the decoder takes.
-    fn stop_frames() -> Vec<(Vec<u8>, Stop)> {
+    fn stop_frames() -> [Vec<u8>; 2] {
         let mut payload = [0; 8];
         let message = postcard::to_slice(&Request::Command(Command::Stop), &mut payload).unwrap().to_vec();
-        let long = [0x86, 0x80, 0x80, 0x80, 0, 0x81, 0x80, 0x80, 0x80, 0];
-        vec![
-            (frame_of(HEADER, &[]), Stop::Bootstrap(HEADER)),
-            (frame_of(MESSAGE, &message), Stop::Message(MESSAGE)),
-            (frame_of(MESSAGE, &long), Stop::Message(MESSAGE)),
-        ]
+        [frame_of(HEADER, &[]), frame_of(MESSAGE, &message)]
     }
 
     struct Random(u64);
@@ -163,72 +76,6 @@ mod tests {
         }
     }
 
-    #[test]
-    fn a_stop_frame_is_heard_behind_anything() {
-        for (mut frame, stop) in stop_frames() {
-            assert!(frame.len() <= FRAME + 2);
-            for before in [&b""[..], b"\0", b"\0xy", b"\0xy\0", b"text", &[b'x'; 500], &[0xff; 40]] {
-                let bytes = [before, &frame, b"id\r"].concat();
-                assert_eq!(stops(&bytes), [stop], "{before:?}");
-            }
-            for at in 1..frame.len() - 1 {
-                frame[at] ^= 1;
-                assert_eq!(stops(&frame), [], "byte {at}");
-                frame[at] ^= 1;
-            }
-        }
-    }
-
-    /// As docs/wire.md prints it.
-    #[test]
-    fn the_message_has_these_bytes() {
-        let header = Header { tag: REQUEST, link: 0, number: 0 };
-        let bytes = [0, 2, 0x10, 1, 1, 1, 1, 1, 7, 6, 1, 0xcf, 0xc1, 0x94, 0x6b, 0];
-        assert_eq!(frame_of(header, &[6, 1]), bytes);
-        assert_eq!(stops(&bytes), [Stop::Message(header)]);
-    }
-
-    #[test]
-    fn a_stop_frame_within_random_bytes_is_found() {
-        let (mut random, frames) = (Random(7), stop_frames());
-        for round in 0..20_000 {
-            let mut noise = || (0..random.below(60)).map(|_| random.below(256) as u8).collect::<Vec<u8>>();
-            let (before, behind) = (noise(), noise());
-            let (frame, stop) = &frames[round % frames.len()];
-            let bytes = [&before[..], frame, &behind].concat();
-            assert!(stops(&bytes).contains(stop), "round {round}: {bytes:?}");
-        }
-    }
-
-    #[test]
-    fn requests_other_than_the_stop_are_none() {
-        for payload in [&[6, 0][..], &[6, 2], &[6, 1, 0], &[6], &[1], &[5, 1], &[]] {
-            assert_eq!(stops(&frame_of(MESSAGE, payload)), [], "{payload:?}");
-        }
-        assert_eq!(stops(&frame_of(Header { tag: 0x11, ..MESSAGE }, &[6, 1])), []);
-        assert_eq!(stops(&frame_of(HEADER, &[0])), []);
-    }
-
-    #[test]
-    fn a_typed_stop_is_heard_behind_anything() {
-        for line in [
-            &b"stop\r"[..],
-            b"STOP\n",
-            b"  stop \r\n",
-            b"\0xstop\r",
-            b"\xff\x01stop\r",
-            b"sti\x08op\r",
-            b"stopp\x08\r",
-            b"stop now\x7f\x7f\x7f\x7f\r",
-            b"play\x08\x08\x08\x08stop\r",
-        ] {
-            assert_eq!(stops(line), [Stop::Typed], "{line:?}");
-        }
-        for line in [&b"stop"[..], b"stops\r", b"sto\rp\r", b"top\r", b"stop\0\r", b"stop\x08\r"] {
-            assert_eq!(stops(line), [], "{line:?}");
-        }
-    }
-
     /// Whatever the parser takes for a stop the scanner has found with the same byte: nothing that means a stop can wait.
     #[test]
     fn the_parser_finds_no_stop_that_the_scanner_has_not_found() {
@@ -237,7 +84,7 @@ mod tests {
         let mut parsed = 0;
         for _ in 0..40_000 {
             let piece: Vec<u8> = match random.below(8) {
-                0 => frames[random.below(frames.len())].0.clone(),
+                0 => frames[random.below(frames.len())].clone(),
                 1 => b"stop".to_vec(),
                 2 => b"\r".to_vec(),
                 3 => vec![8; random.below(4)],

@@ -38,6 +38,7 @@ pub mod frame;
 pub mod health;
 pub mod inputs;
 pub mod message;
+pub mod scan;
 
 /// Version of the messages under tag 10. A host of another version can still use the bootstrap set.
 ///

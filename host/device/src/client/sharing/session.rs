@@ -17,6 +17,7 @@ use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{ANSWER, Request as Bootstrap, Servos, Stopped};
 use darm_core::wire::frame::{Header, MAX_PAYLOAD};
 use darm_core::wire::message::{self, Answer, Doing, REPLY, REQUEST, Refusal, Reply, Request};
+use darm_core::wire::scan::{Scanner, Stop};
 
 use super::line_kind::{LONGEST, LineKind};
 use super::{Guest, Sharing};
@@ -122,7 +123,7 @@ pub(super) fn serve(stream: UnixStream, guest: Guest, sharing: Sharing) {
             worker.leave();
         })
     };
-    Incoming { session, jobs, reader: Reader::default(), line: Vec::new() }.run(stream);
+    Incoming { session, jobs, reader: Reader::default(), line: Vec::new(), scanner: Scanner::default() }.run(stream);
     let _ = working.join();
 }
 
@@ -132,6 +133,7 @@ struct Incoming {
     jobs: SyncSender<Job>,
     reader: Reader,
     line: Vec<u8>,
+    scanner: Scanner,
 }
 
 impl Incoming {
@@ -154,42 +156,56 @@ impl Incoming {
     }
 
     fn take(&mut self, bytes: &[u8]) {
-        for piece in self.reader.read(host_now_s(), bytes) {
-            match piece {
-                Piece::Frame(header, payload) => self.take_frame(header, payload),
-                Piece::Text(text) => text.into_iter().for_each(|byte| self.take_byte(byte)),
-                // The guest sends it again.
-                Piece::Damaged(_) => {}
+        let now_s = host_now_s();
+        for &byte in bytes {
+            // As on the board, ahead of frames and lines: noise that looks like half a frame, or a line that is too long, keeps no stop out.
+            let stop = self.scanner.push(byte);
+            if let Some(stop) = stop {
+                self.take_stop(stop);
+            }
+            for piece in self.reader.read(now_s, &[byte]) {
+                match piece {
+                    Piece::Frame(header, payload) => self.take_frame(header, payload),
+                    Piece::Text(text) => text.into_iter().for_each(|byte| self.take_byte(byte, stop.is_some())),
+                    // The guest sends it again.
+                    Piece::Damaged(_) => {}
+                }
             }
         }
     }
 
+    /// Sends a stop that the scanner has found, and answers it in its own language.
+    fn take_stop(&self, stop: Stop) {
+        let confirmed = self.stop();
+        let answered = |header: Header| Header { tag: header.tag | ANSWER, ..header };
+        match (stop, confirmed) {
+            (Stop::Typed, Some(_)) => self.session.write(b"ok\r\n"),
+            (Stop::Typed, None) => self.session.write(b"? the stop is not confirmed; switch off the arm's supply\r\n"),
+            (Stop::Bootstrap(header), Some(confirmed)) => self.session.write_frame(answered(header), &confirmed),
+            (Stop::Message(header), Some(_)) => self.session.write_frame(answered(header), &message::done(NO_TIME)),
+            // The guest sends it again.
+            (Stop::Bootstrap(_) | Stop::Message(_), None) => true,
+        };
+    }
+
     fn take_frame(&mut self, header: Header, payload: Vec<u8>) {
-        let is_bootstrap = Bootstrap::decode(header.tag, &payload) == Some(Bootstrap::Stop);
-        if is_bootstrap || (header.tag == REQUEST && message::is_stop(&payload)) {
-            let Some(confirmed) = self.stop() else { return };
-            let answered = Header { tag: header.tag | ANSWER, ..header };
-            if is_bootstrap {
-                self.session.write_frame(answered, &confirmed);
-            } else {
-                self.session.write_frame(answered, &message::done(NO_TIME));
-            }
-        } else {
+        // The scanner has found a stop with the same byte.
+        if Stop::of(header, &payload).is_none() {
             self.queue(Job::Frame(header, payload, self.session.now()));
         }
     }
 
-    fn take_byte(&mut self, byte: u8) {
+    fn take_byte(&mut self, byte: u8, has_stopped: bool) {
         match byte {
             b'\r' | b'\n' => {
                 let line = String::from_utf8_lossy(&std::mem::take(&mut self.line)).into_owned();
+                if has_stopped || line.is_empty() {
+                    return;
+                }
+                // More than the board would take for one: whoever types `stop now` means it.
                 if LineKind::of(&line) == Ok(LineKind::Stops) {
-                    let text = match self.stop() {
-                        Some(_) => "ok\r\n",
-                        None => "? the stop is not confirmed; switch off the arm's supply\r\n",
-                    };
-                    self.session.write(text.as_bytes());
-                } else if !line.is_empty() {
+                    self.take_stop(Stop::Typed);
+                } else {
                     self.queue(Job::Line(line, self.session.now()));
                 }
             }

@@ -270,8 +270,9 @@ mod at_once {
     use darm_arm::image::UploadImage;
     use darm_core::sequencer::Command;
     use darm_core::units::ModelHash;
-    use darm_core::wire::bootstrap::RebootTarget;
-    use darm_core::wire::message::Request;
+    use darm_core::wire::bootstrap::{RebootTarget, Request as Bootstrap};
+    use darm_core::wire::frame::{Header, encode};
+    use darm_core::wire::message::{REQUEST, Request};
 
     use super::{Holder, attach};
     use crate::client::Client;
@@ -424,6 +425,36 @@ mod at_once {
                 std::thread::sleep(Duration::from_millis(5));
             }
             assert_eq!(holder.board.lock().unwrap().stops, 1, "{line:?} stops a board, and not through the holder");
+        }
+    }
+
+    /// As the board would hear it: neither an open frame nor a line that is too long keeps a stop from being one.
+    #[test]
+    fn a_stop_in_any_form_is_found_behind_anything_and_sent_once() {
+        let framed = |tag| {
+            let mut frame = [0; 64];
+            let payload: &[u8] = if tag == REQUEST { &[6, 1] } else { &[] };
+            let len = encode(Header { tag, link: 0, number: 9 }, payload, &mut frame).unwrap();
+            frame[..len].to_vec()
+        };
+        let lines = [
+            b"garbage\0\x05 stop\r".to_vec(),
+            [&[b'x'; 250][..], b"stop\r"].concat(),
+            [b"\0\x05", &framed(Bootstrap::Stop.tag())[..]].concat(),
+            [b"text", &framed(REQUEST)[..]].concat(),
+            b"stop now\r\n".to_vec(),
+            b"stop\r\n".to_vec(),
+        ];
+        for line in lines {
+            let holder = Holder::new();
+            let (mut guest, _) = attach("fake", &holder.socket, "guest").unwrap().unwrap();
+            guest.send(&line).unwrap();
+            let since = Instant::now();
+            while holder.handle.stops() == 0 && since.elapsed() < Duration::from_secs(2) {
+                std::thread::sleep(Duration::from_millis(5));
+            }
+            std::thread::sleep(SOON);
+            assert_eq!(holder.handle.stops(), 1, "{:?}", line.escape_ascii().to_string());
         }
     }
 
