@@ -17,7 +17,7 @@ use crate::console::{Console, ConsoleLine};
 use crate::control::{Control, ControlAt, ControlError};
 use crate::history::History;
 use crate::measured::Measured;
-use crate::order::{Order, Task};
+use crate::order::{Order, Ordered, Task};
 use crate::picture::{Picture, Tool};
 use crate::program::Program;
 use crate::recording::Recordings;
@@ -172,21 +172,26 @@ impl Hub {
     }
 
     /// Queues an order of the page with this key, or one that needs no control; its result comes through the receiver. `known_stops` is
-    /// the number of stops that the page knows of, where no person has just ordered it: a later one outdates it.
+    /// the number of stops that the page knows of: a later one outdates it. A program that is no page may leave it out.
     pub(crate) fn order(
         &self,
         key: Option<u64>,
         task: Task,
         known_stops: Option<u64>,
     ) -> Result<oneshot::Receiver<Result<(), Refused>>, Refused> {
-        let stops = known_stops.unwrap_or_else(|| self.stops.count());
+        let ordered = self.ordered(known_stops);
         if let Some(key) = key {
             self.control(|control| control.check(key))?;
         }
         let (answer, answered) = oneshot::channel();
-        let order = Order { task, key, stops, made: Instant::now(), answer };
+        let order = Order { task, key, ordered, answer };
         self.orders.send(order).map_err(|_| Refused::new(Kind::Link, "the server is ending"))?;
         Ok(answered)
+    }
+
+    /// What a page orders now; `known_stops` as of [`order`](Self::order).
+    pub(crate) fn ordered(&self, known_stops: Option<u64>) -> Ordered {
+        Ordered::now(known_stops.unwrap_or_else(|| self.stops.count()))
     }
 
     /// Changes or asks who controls the arm.
@@ -390,6 +395,10 @@ impl Rights for Hub {
     }
 
     fn take_control(&self, guest: &Guest) -> Result<(), String> {
+        // Its process says `Hello` when it has started, which opens the connection again that the stop has ended.
+        if self.recordings.is_outdated(guest.process, self.stops.count()) {
+            return Err("a stop came after the recording was ordered; start it again".to_owned());
+        }
         let taken = self.control(|control| {
             // What a page records moves the arm with its control; another page that has control is asked first, as by anybody.
             if control.holder().is_some_and(|holder| self.recordings.is_for(guest.process, holder.grant.number)) {
@@ -405,5 +414,61 @@ impl Rights for Hub {
             state.attached.leave(guest);
             state.control.at(Instant::now()).abandon(guest.key);
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::process::Command;
+    use std::sync::Arc;
+    use std::sync::mpsc::channel;
+    use std::thread;
+    use std::time::Duration;
+
+    use darm_device::client::sharing::{Guest, Rights as _};
+    use darm_device::client::stop::Confirmation;
+
+    use super::{Hub, HubParts};
+    use crate::recording::{RecordSetup, RecordingOrder, Recordings};
+
+    /// The process of a recording attaches after the stop that was confirmed.
+    #[test]
+    fn a_recording_gets_no_control_after_a_stop_also_where_its_page_has_gone() {
+        let folder = tempfile::tempdir().unwrap();
+        let note = folder.path().join("process");
+        let script = format!("echo $$ > {0}.new && mv {0}.new {0}; exec sleep 2", note.display());
+        let command = move |_: &_| {
+            let mut command = Command::new("sh");
+            command.args(["-c", &script]);
+            command
+        };
+        let setup = RecordSetup { folder: folder.path().to_owned(), command: Box::new(command) };
+        let recordings = Arc::new(Recordings::new(Some(setup)));
+        let hub = Hub::new(HubParts {
+            stopper: Box::new(|| Ok(Confirmation::Confirmed)),
+            arm: None,
+            history: None,
+            recordings: Arc::clone(&recordings),
+            orders: channel().0,
+        });
+        let grant = hub.control(|control| control.take(7, "page")).unwrap().number;
+        let stops = hub.stops().count();
+        let order = RecordingOrder { grant, stops, name: "run-1", table: b"table", visits: "visits" };
+        recordings.start(&order, || Ok(())).unwrap();
+        while !note.exists() {
+            thread::sleep(Duration::from_millis(1));
+        }
+        let process = std::fs::read_to_string(&note).unwrap().trim().parse().ok();
+        let guest = Guest { key: 9, name: "`darm record`".to_owned(), process };
+        assert_eq!(hub.take_control(&guest), Ok(()));
+        hub.stops().send().unwrap();
+        assert!(hub.take_control(&guest).unwrap_err().contains("a stop came"));
+        hub.control(|control| {
+            control.release(7);
+            Ok(())
+        })
+        .unwrap();
+        assert!(hub.take_control(&guest).unwrap_err().contains("a stop came"));
+        assert_eq!(hub.take_control(&Guest { process: None, ..guest }), Ok(()), "another program has control");
     }
 }

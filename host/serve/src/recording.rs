@@ -55,6 +55,17 @@ pub struct RecordingView {
     pub text: String,
 }
 
+/// What a page records.
+pub(crate) struct RecordingOrder<'a> {
+    /// The control of the page.
+    pub(crate) grant: GrantNumber,
+    /// Number of stops when the page ordered it.
+    pub(crate) stops: u64,
+    pub(crate) name: &'a str,
+    pub(crate) table: &'a [u8],
+    pub(crate) visits: &'a str,
+}
+
 /// The recordings of a server.
 #[derive(Default)]
 pub(crate) struct Recordings {
@@ -81,6 +92,8 @@ struct Running {
     process: u32,
     /// The control of the page that has started it.
     grant: GrantNumber,
+    /// Number of stops when it was ordered.
+    stops: u64,
     since: Instant,
 }
 
@@ -132,6 +145,11 @@ impl Recordings {
         matches!(&*self.state(), State::Running(running) if process == Some(running.process) && grant == running.grant)
     }
 
+    /// Whether this process records what was ordered before the last of this number of stops.
+    pub(crate) fn is_outdated(&self, process: Option<u32>, stops: u64) -> bool {
+        matches!(&*self.state(), State::Running(running) if process == Some(running.process) && stops != running.stops)
+    }
+
     /// What pages show; `None` where the server has no folder for recordings.
     pub(crate) fn view(&self) -> Option<RecordingsView> {
         self.setup.as_ref()?;
@@ -175,14 +193,13 @@ impl Recordings {
         fs::read(&path).map_err(|error| Refused::new(Kind::Refused, error))
     }
 
-    /// Writes table and visit file into the folder as `name`, and starts the command for the page with this control.
+    /// Writes table and visit file into the folder, and starts the command if the order is valid when all is ready.
     pub(crate) fn start(
         self: &Arc<Self>,
-        grant: GrantNumber,
-        name: &str,
-        table: &[u8],
-        visits: &str,
+        order: &RecordingOrder<'_>,
+        check: impl Fn() -> Result<(), Refused>,
     ) -> Result<(), Refused> {
+        let &RecordingOrder { grant, stops, name, table, visits } = order;
         let RecordSetup { folder, command } = self.setup()?;
         if !is_name(name) {
             let text = format!("a name has 1 to {MAX_RECORDING_NAME} letters, digits, - and _");
@@ -208,8 +225,10 @@ impl Recordings {
         let mut command = command(&RecordFiles { table: table_file, output });
         // Ctrl-C in the server's terminal is for the server: the recording continues, as the program on the board does.
         command.process_group(0).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null());
+        check()?;
         let process = command.spawn().map_err(not_started)?;
-        start.has_process(Running { name: format!("{name}.csv"), process: process.id(), grant, since: Instant::now() });
+        let since = Instant::now();
+        start.has_process(Running { name: format!("{name}.csv"), process: process.id(), grant, stops, since });
         // The thread waits for it.
         let _ = child.send(process);
         Ok(())
@@ -296,13 +315,17 @@ mod tests {
     use std::sync::atomic::{AtomicBool, Ordering};
     use std::time::Duration;
 
-    use super::{RecordSetup, Recordings, data_file, is_name, sentence};
+    use super::{RecordSetup, RecordingOrder, Recordings, data_file, is_name, sentence};
     use crate::control::GrantNumber;
 
     /// Recordings whose command is this one.
     fn recordings(folder: &Path, command: impl Fn() -> Command + Send + Sync + 'static) -> Arc<Recordings> {
         let setup = RecordSetup { folder: folder.to_owned(), command: Box::new(move |_| command()) };
         Arc::new(Recordings::new(Some(setup)))
+    }
+
+    fn order(name: &str) -> RecordingOrder<'_> {
+        RecordingOrder { grant: GrantNumber(1), stops: 0, name, table: b"table", visits: "visits" }
     }
 
     fn files(folder: &Path) -> Vec<String> {
@@ -317,7 +340,7 @@ mod tests {
         let there = Arc::clone(&is_there);
         let name = move || if there.load(Ordering::Relaxed) { "true" } else { "/no/such/command" };
         let recordings = recordings(folder.path(), move || Command::new(name()));
-        let start = || recordings.start(GrantNumber(1), "run-1", b"table", "visits");
+        let start = || recordings.start(&order("run-1"), || Ok(()));
         assert!(start().unwrap_err().text.contains("does not start"));
         assert_eq!(files(folder.path()), [""; 0]);
         is_there.store(true, Ordering::Relaxed);
@@ -342,7 +365,7 @@ mod tests {
         let all: Vec<_> = (0..4)
             .map(|k| {
                 let recordings = Arc::clone(&recordings);
-                std::thread::spawn(move || recordings.start(GrantNumber(1), &format!("run-{k}"), b"table", "visits"))
+                std::thread::spawn(move || recordings.start(&order(&format!("run-{k}")), || Ok(())))
             })
             .collect();
         let outcomes: Vec<_> = all.into_iter().map(|start| start.join().unwrap()).collect();

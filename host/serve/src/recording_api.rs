@@ -23,7 +23,7 @@ use crate::control::ControlError;
 use crate::hub::Hub;
 use crate::job_queue::{JobQueue, Work};
 use crate::made_table::{self, DraftView, EditedVisit, Occasion, TableView, Visited};
-use crate::recording::DataFile;
+use crate::recording::{DataFile, RecordingOrder};
 use crate::refusal::{Kind, Refused};
 
 /// Visits of one table, at most: more than a board stores.
@@ -50,6 +50,8 @@ struct RecordRequest {
     /// Digest of the table that the page shows.
     table: String,
     name: String,
+    /// As of `CommandRequest`.
+    stops: Option<u64>,
 }
 
 #[derive(Clone)]
@@ -125,9 +127,11 @@ async fn plan(State(requests): State<Requests>, Json(request): Json<PlanRequest>
 async fn record(
     State(requests): State<Requests>,
     headers: HeaderMap,
-    Json(RecordRequest { table, name }): Json<RecordRequest>,
+    Json(RecordRequest { table, name, stops }): Json<RecordRequest>,
 ) -> Result<Json<()>, Refused> {
     let (key, hub) = (key(&headers)?, requests.hub);
+    // Before the request waits for others.
+    let ordered = hub.ordered(stops);
     let started = requests.files.run(move |work: &Work| {
         let grant = hub.control(|control| {
             control.check(key)?;
@@ -138,8 +142,14 @@ async fn record(
         let program = program.ok_or_else(|| Refused::new(Kind::Invalid, other))?;
         let no_visits = "the table has no visit file: make it on this page, or after a diagnosis";
         let visits = program.visits.as_ref().ok_or_else(|| Refused::new(Kind::Invalid, no_visits))?;
-        work.check()?;
-        hub.recordings().start(grant, &name, &program.bytes, visits)
+        let check = || {
+            work.check()?;
+            ordered.check_stops(hub.stops().count())?;
+            ordered.check_age()
+        };
+        check()?;
+        let order = RecordingOrder { grant, stops: ordered.stops, name: &name, table: &program.bytes, visits };
+        hub.recordings().start(&order, check)
     });
     started.await.map(Json)
 }

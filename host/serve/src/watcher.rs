@@ -18,7 +18,7 @@ use darm_device::link::LinkError;
 use crate::board_port::Opener;
 use crate::history::TableEntry;
 use crate::hub::Hub;
-use crate::order::{MAX_ORDER_AGE, Order, Task};
+use crate::order::{Order, Task};
 use crate::program::Program;
 use crate::refusal::{Kind, Refused};
 use crate::unix_time;
@@ -157,20 +157,15 @@ impl Watcher {
     /// opened: the board itself refuses a command after a stop that comes later.
     fn prepare(&mut self, client: &mut Client, order: &Order) -> Result<(), Refused> {
         self.open_again(client)?;
-        if order.stops != self.hub.stops().count() {
-            return Err(Refused::new(Kind::Stopped, "a stop came meanwhile; nothing was sent"));
-        }
-        if order.made < self.opened {
+        order.ordered.check_stops(self.hub.stops().count())?;
+        if order.ordered.made < self.opened {
             let text = "the connection was opened meanwhile, as after a stop; nothing was sent";
             return Err(Refused::new(Kind::Stopped, text));
         }
         if let Some(key) = order.key {
             self.hub.control(|control| control.check(key))?;
         }
-        if order.made.elapsed() > MAX_ORDER_AGE {
-            return Err(Refused::new(Kind::Link, "the board did not answer in time; nothing was sent"));
-        }
-        Ok(())
+        order.ordered.check_age()
     }
 
     /// Opens the connection where a stop of a page or the board has ended it, or joins the one that a program has opened since.
@@ -193,7 +188,8 @@ impl Watcher {
             Task::Upload(program) => self.upload(client, program),
             Task::Type(line) => {
                 self.hub.typed(line);
-                let is_late = || order.stops != self.hub.stops().count() || order.made.elapsed() > MAX_ORDER_AGE;
+                let ordered = order.ordered;
+                let is_late = || ordered.check_stops(self.hub.stops().count()).and(ordered.check_age()).is_err();
                 let typed = match order.key {
                     None => client.type_line(line),
                     Some(_) => client.type_change(line, is_late),

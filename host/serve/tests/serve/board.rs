@@ -184,12 +184,18 @@ impl Bench {
     }
 }
 
+/// How long it takes until the command of a recording whose name begins with `slow` is known.
+pub(crate) const SLOW_START: Duration = Duration::from_millis(500);
+
 /// In place of `darm record`: copies the visit file and says that it has measured, unless its name begins with `lost`.
 fn record_setup(folder: &Path) -> RecordSetup {
     std::fs::create_dir(folder).unwrap();
     let script = r#"case "$2" in */lost*) echo '{"error":{"exit":4,"message":"no camera found"}}'; exit 4;; esac
         cp "${1%.darm}.visits.csv" "$2" && echo '{"rows":3,"visits":3,"findings":[]}'"#;
     let command = move |files: &RecordFiles| {
+        if files.output.file_name().is_some_and(|name| name.to_string_lossy().starts_with("slow")) {
+            thread::sleep(SLOW_START);
+        }
         let mut command = Command::new("sh");
         command.args(["-c", script, "record"]).args([&files.table, &files.output]);
         command

@@ -1,8 +1,10 @@
 //! A page makes a table, records it and finds the measurement. In place of `darm record` runs a script, as `board.rs` says.
 
+use std::thread;
+
 use serde_json::{Value, json};
 
-use super::board::{Bench, Page};
+use super::board::{Bench, Page, SLOW_START};
 use super::http::{Answer, request};
 
 fn planned(bench: &Bench, body: &Value) -> Value {
@@ -115,4 +117,28 @@ fn a_recording_needs_control_a_free_plain_name_and_the_table_that_is_shown() {
     assert_eq!(record(&page, digest, "lost-1").status, 200);
     let last = bench.live(|live| live["recordings"]["last"]["is_complete"] == false)["recordings"]["last"].clone();
     assert_eq!(recorded(&bench)["text"], "no camera found", "{last}");
+}
+
+/// Its process would say `Hello` after the stop was confirmed, and play.
+#[test]
+fn a_recording_that_a_stop_overtakes_does_not_start() {
+    let bench = Bench::start("planar4.toml");
+    bench.phase("idle");
+    let digest = planned(&bench, &of_words(&["000010000000"], 0.5))["digest"].clone();
+    let page = bench.page_in_control();
+    let refused = |name: &str, known: &Value| {
+        let order = json!({ "table": digest, "name": name, "stops": known });
+        let answer = page.order("/api/record", &order);
+        assert_eq!((answer.status, &answer.json()["refused"]["kind"]), (409, &json!("stopped")), "{name}");
+    };
+    thread::scope(|scope| {
+        let late = scope.spawn(|| refused("slow-1", &Value::Null));
+        thread::sleep(SLOW_START / 2);
+        assert_eq!(bench.stop().status, 200);
+        late.join().unwrap();
+    });
+    let known = bench.get("/api/live")["stops"].as_u64().unwrap();
+    refused("run-1", &json!(known - 1));
+    assert_eq!(bench.get("/api/data"), json!([]));
+    assert_eq!(page.order("/api/record", &json!({ "table": digest, "name": "run-1", "stops": known })).status, 200);
 }
