@@ -9,6 +9,11 @@ const KEPT: usize = 300;
 /// Longest line that is kept; a board sends shorter ones.
 const LONGEST: usize = 400;
 
+/// Whether lines have this character: no other one, and none that takes six letters in an answer.
+fn is_kept(byte: u8) -> bool {
+    matches!(byte, b' '..=b'~' | b'\t')
+}
+
 /// A line of the console.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub(crate) struct ConsoleLine {
@@ -34,8 +39,10 @@ impl Console {
         self.count
     }
 
+    /// Keeps what a page has typed; a stop may have any length and any characters.
     pub(crate) fn typed(&mut self, line: &str) {
-        self.push(line.to_owned(), true);
+        let kept = line.chars().filter(|c| u8::try_from(*c).is_ok_and(is_kept)).take(LONGEST).collect();
+        self.push(kept, true);
     }
 
     /// Takes text of the board; whether it has ended a line.
@@ -47,7 +54,7 @@ impl Console {
                     let text = std::mem::take(&mut self.begun);
                     self.push(text, false);
                 }
-                b' '..=b'~' | b'\t' if self.begun.len() < LONGEST => self.begun.push(byte.into()),
+                byte if is_kept(byte) && self.begun.len() < LONGEST => self.begun.push(byte.into()),
                 _ => {}
             }
         }
@@ -70,7 +77,20 @@ impl Console {
 
 #[cfg(test)]
 mod tests {
-    use super::{Console, KEPT};
+    use super::{Console, KEPT, LONGEST};
+
+    /// A stop is one at any length, and needs no control.
+    #[test]
+    fn what_is_kept_is_bounded_however_long_the_lines_are() {
+        let mut console = Console::default();
+        let long = format!("stop{}", "a\u{1}ä".repeat(10_000));
+        (0..2 * KEPT).for_each(|_| console.typed(&long));
+        console.hear(long.as_bytes());
+        console.hear(b"\n");
+        let all = console.from(0);
+        assert!(all.iter().all(|line| line.text.starts_with("stopaa") && line.text.len() == LONGEST));
+        assert_eq!(all.len(), KEPT);
+    }
 
     #[test]
     fn the_last_lines_are_kept_with_their_numbers() {

@@ -47,3 +47,16 @@ fn lines_that_read_need_no_control_and_others_do() {
     assert_eq!(bench.pins().0, 0);
     assert_eq!(texts(&bench).last().unwrap(), "stop");
 }
+
+#[test]
+fn a_stop_in_a_line_of_any_length_stops_and_is_kept_cut() {
+    let bench = Bench::start("planar4.toml");
+    bench.phase("idle");
+    let before = bench.get("/api/live")["stops"].as_u64().unwrap();
+    let line = format!("stop{}", "a".repeat(250_000));
+    for _ in 0..3 {
+        assert_eq!(bench.post("/api/console", &[], &json!({ "line": line })).status, 200);
+    }
+    assert_eq!(bench.get("/api/live")["stops"].as_u64(), Some(before + 3));
+    assert!(texts(&bench).iter().all(|text| text.len() <= 400) && texts(&bench).len() == 3);
+}
