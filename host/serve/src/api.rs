@@ -66,7 +66,7 @@ impl IntoResponse for Refused {
             Kind::Denied => StatusCode::FORBIDDEN,
             Kind::Control | Kind::Stopped | Kind::Refused => StatusCode::CONFLICT,
             Kind::Invalid => StatusCode::UNPROCESSABLE_ENTITY,
-            Kind::Link => StatusCode::SERVICE_UNAVAILABLE,
+            Kind::Link | Kind::Busy => StatusCode::SERVICE_UNAVAILABLE,
         };
         (status, Json(json!({ "refused": self }))).into_response()
     }

@@ -16,6 +16,7 @@
 
 mod acceptor;
 pub mod access;
+mod answers;
 mod api;
 pub mod assets;
 mod attached;
@@ -29,6 +30,7 @@ mod hub;
 mod job_queue;
 mod made_table;
 pub mod measured;
+mod memory_budget;
 mod order;
 mod pages;
 mod picture;

@@ -5,7 +5,7 @@
 //! `-` and `_`, and no file is replaced: so a page can write nothing else.
 
 use std::fs::{self, OpenOptions};
-use std::io::Write as _;
+use std::io::{Read as _, Write as _};
 use std::os::unix::process::CommandExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -183,14 +183,23 @@ impl Recordings {
         Ok(files)
     }
 
-    /// The bytes of one of them.
-    pub(crate) fn read(&self, name: &str) -> Result<Vec<u8>, Refused> {
+    /// One of them, and its length now.
+    pub(crate) fn file(&self, name: &str) -> Result<(fs::File, u64), Refused> {
         let path = self.setup()?.folder.join(name);
         // Only a name that the list has: no path leads out of the folder.
         let found = data_file(&path).filter(|file| file.name == name && file.bytes <= MAX_DATA);
         let no_file = || Refused::new(Kind::Invalid, format!("no measurement {name} in the folder of this server"));
         found.ok_or_else(no_file)?;
-        fs::read(&path).map_err(|error| Refused::new(Kind::Refused, error))
+        let open = || fs::File::open(&path).and_then(|file| file.metadata().map(|now| (file, now.len())));
+        open().map_err(|error| Refused::new(Kind::Refused, error))
+    }
+
+    /// The bytes of one of them.
+    pub(crate) fn read(&self, name: &str) -> Result<Vec<u8>, Refused> {
+        let (file, length) = self.file(name)?;
+        let mut bytes = Vec::with_capacity(length as usize);
+        file.take(length).read_to_end(&mut bytes).map_err(|error| Refused::new(Kind::Refused, error))?;
+        Ok(bytes)
     }
 
     /// Writes table and visit file into the folder, and starts the command if the order is valid when all is ready.

@@ -11,13 +11,14 @@
 use std::sync::Arc;
 
 use axum::extract::{Path, State};
-use axum::http::{HeaderMap, header};
-use axum::response::{IntoResponse as _, Response};
+use axum::http::HeaderMap;
+use axum::response::Response;
 use axum::routing::{get, post};
 use axum::{Json, Router};
 use darm_arm::wired_arm::WiredArm;
 use serde::Deserialize;
 
+use crate::answers::FileBody;
 use crate::api::key;
 use crate::control::ControlError;
 use crate::hub::Hub;
@@ -81,8 +82,8 @@ async fn list(State(requests): State<Requests>) -> Result<Json<Vec<DataFile>>, R
 
 async fn file(State(requests): State<Requests>, Path(name): Path<String>) -> Result<Response, Refused> {
     let hub = requests.hub;
-    let bytes = requests.files.run(move |_| hub.recordings().read(&name)).await?;
-    Ok(([(header::CONTENT_TYPE, "text/csv; charset=utf-8")], bytes).into_response())
+    let (file, bytes) = requests.files.run(move |_| hub.recordings().file(&name)).await?;
+    Ok(FileBody::answer(file, bytes, "text/csv; charset=utf-8"))
 }
 
 impl EditedTable {

@@ -27,6 +27,8 @@ pub(crate) enum Kind {
     Invalid,
     /// The board was not reached, or its answer was lost.
     Link,
+    /// The server has no memory left for the answer.
+    Busy,
 }
 
 /// Where the cause is, as far as there is one place.

@@ -19,6 +19,7 @@ use tower_http::timeout::RequestBodyTimeoutLayer;
 
 use crate::acceptor::{self, Accepted, STOP};
 use crate::access::{Access, AccessError, Token};
+use crate::answers::{self, AnswerMemory};
 use crate::assets::ASSETS;
 use crate::board_port::BoardPort;
 use crate::connections::{self, READ_TIMEOUT};
@@ -216,7 +217,7 @@ fn router(hub: Arc<Hub>, access: Access, line: Sender<Upgraded>) -> Router {
         .fold(Router::new(), |router, page| router.route(page.path, get(move || async move { page.html() })));
     let assets =
         ASSETS.into_iter().fold(pages, |router, asset| router.route(asset.path, get(move || async move { asset })));
-    assets
+    let requests = Router::new()
         .route("/api/live", get(api::live))
         .route("/api/arm", get(api::arm))
         .route("/api/picture", get(api::picture))
@@ -239,6 +240,10 @@ fn router(hub: Arc<Hub>, access: Access, line: Sender<Upgraded>) -> Router {
         .merge(recording_api::router(Arc::clone(&hub)))
         .merge(replay::router(Arc::clone(&hub)))
         .merge(stop_line::router(hub, line))
+        .layer(middleware::from_fn_with_state(AnswerMemory::new(), answers::count));
+    // Pages and assets are in the program: they take no memory.
+    assets
+        .merge(requests)
         .layer(DefaultBodyLimit::max(MAX_BODY))
         .layer(RequestBodyTimeoutLayer::new(READ_TIMEOUT))
         .layer(middleware::from_fn_with_state(Arc::new(access), guard))

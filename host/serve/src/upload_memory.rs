@@ -3,22 +3,18 @@
 
 use std::future::poll_fn;
 use std::pin::Pin;
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use axum::body::{Body, Bytes};
 use axum::extract::{FromRef, FromRequest, Request};
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
-
 use hyper::body::Body as _;
 
+use crate::memory_budget::{MemoryBudget, NoMemory, Reserved};
 use crate::refusal::{Kind, Refused};
 use crate::upload::{MAX_FILES, MAX_UPLOADS};
 
-/// Bytes that one permit is for.
-const BLOCK: usize = 1 << 10;
 /// First memory of an upload; it doubles as the upload arrives.
 const FIRST: usize = 1 << 16;
 /// An upload that takes longer ends, at whatever rate it arrives: it holds its memory meanwhile. The slowest rate of Wi-Fi that
@@ -32,7 +28,7 @@ const PERIOD: Duration = Duration::from_secs(10);
 
 /// What is left of the memory of uploads.
 #[derive(Clone)]
-pub(crate) struct UploadMemory(Arc<Semaphore>);
+pub(crate) struct UploadMemory(MemoryBudget);
 
 /// The body of a request with files; its memory is free again when this is dropped.
 pub(crate) struct UploadBody {
@@ -40,42 +36,15 @@ pub(crate) struct UploadBody {
     _memory: Reserved,
 }
 
-/// Memory of one upload, which grows as the upload arrives.
-struct Reserved {
-    all: UploadMemory,
-    permits: Option<OwnedSemaphorePermit>,
-    bytes: usize,
-}
-
 impl UploadMemory {
     pub(crate) fn new() -> Self {
-        Self(Arc::new(Semaphore::new(MAX_UPLOADS / BLOCK)))
-    }
-
-    fn reserved(&self) -> Reserved {
-        Reserved { all: self.clone(), permits: None, bytes: 0 }
-    }
-
-    fn full(&self) -> Refused {
-        let (all, free) = (MAX_UPLOADS >> 20, (self.0.available_permits() * BLOCK) >> 20);
-        let text = format!("other pages send files: {free} of {all} MB for files are free; try again in a moment");
-        Refused::new(Kind::Refused, text)
+        Self(MemoryBudget::new(MAX_UPLOADS))
     }
 }
 
-impl Reserved {
-    /// Memory for a body of this length.
-    fn grow_to(&mut self, bytes: usize) -> Result<(), Refused> {
-        let more = bytes.saturating_sub(self.bytes).div_ceil(BLOCK);
-        let more = u32::try_from(more).unwrap_or(u32::MAX);
-        let permits = Arc::clone(&self.all.0).try_acquire_many_owned(more).map_err(|_| self.all.full())?;
-        match &mut self.permits {
-            Some(own) => own.merge(permits),
-            own => *own = Some(permits),
-        }
-        self.bytes = self.bytes.max(bytes.next_multiple_of(BLOCK));
-        Ok(())
-    }
+/// Why an upload finds no room.
+fn full(none: NoMemory) -> Refused {
+    Refused::new(Kind::Refused, format!("other pages send files: {none}; try again in a moment"))
 }
 
 /// How an upload arrives. Time is an argument.
@@ -137,7 +106,7 @@ where
         if length > MAX_FILES {
             return Err(StatusCode::PAYLOAD_TOO_LARGE.into_response());
         }
-        let memory = UploadMemory::from_ref(state).reserved();
+        let memory = UploadMemory::from_ref(state).0.reserved();
         collected(request.into_body(), length, memory).await.map_err(IntoResponse::into_response)
     }
 }
@@ -157,7 +126,7 @@ async fn collected(mut body: Body, length: usize, mut memory: Reserved) -> Resul
         pace.note(Instant::now(), part.len())?;
         if bytes.len() + part.len() > bytes.capacity() {
             let next = (2 * bytes.capacity()).max(FIRST).max(bytes.len() + part.len()).min(length.max(part.len()));
-            memory.grow_to(next)?;
+            memory.grow_to(next).map_err(full)?;
             bytes.reserve_exact(next - bytes.len());
         }
         bytes.extend_from_slice(&part);
@@ -178,22 +147,23 @@ mod tests {
     #[test]
     fn uploads_take_memory_as_they_arrive_share_one_bound_and_give_it_back() {
         let memory = UploadMemory::new();
-        let mut begun: Vec<_> = (0..400).map(|_| memory.reserved()).collect();
+        let reserved = || memory.0.reserved();
+        let mut begun: Vec<_> = (0..400).map(|_| reserved()).collect();
         assert!(begun.iter_mut().all(|one| one.grow_to(1).is_ok()), "what has not arrived takes none");
-        let mut large = memory.reserved();
+        let mut large = reserved();
         assert!(large.grow_to(MAX_FILES).is_ok());
         drop((begun, large));
         let reserve = || {
-            let mut one = memory.reserved();
+            let mut one = reserved();
             one.grow_to(MAX_FILES).unwrap();
             one
         };
         let all: Vec<_> = (0..MAX_UPLOADS / MAX_FILES).map(|_| reserve()).collect();
-        let refused = memory.reserved().grow_to(1).unwrap_err();
+        let refused = super::full(reserved().grow_to(1).unwrap_err());
         assert!(refused.text.starts_with("other pages send files: 0 of 128 MB"), "{}", refused.text);
         drop(all);
-        assert!(memory.reserved().grow_to(MAX_FILES).is_ok());
-        assert!(memory.reserved().grow_to(usize::MAX).is_err());
+        assert!(reserved().grow_to(MAX_FILES).is_ok());
+        assert!(reserved().grow_to(usize::MAX).is_err());
     }
 
     /// What becomes of an upload that has something to send every `every`, `bytes` of it each time: when it has arrived, or why not

@@ -1,4 +1,4 @@
-//! The server under attack: files that name others, files that expand, uploads that trickle, and a flood of connections.
+//! The server under attack: files that name others, files that expand, uploads that trickle, answers that nobody reads, and a flood of connections.
 //!
 //! The test is short. `cargo xtask faults --attack SECONDS` runs it with a flood of that length, and with memory and times measured.
 
@@ -262,6 +262,22 @@ fn trickles(bench: &Bench, count: usize) -> Vec<TcpStream> {
     (0..count).map(begin).collect()
 }
 
+/// Answers that nobody reads: of a large file, and of the console after lines as long as a request may be.
+fn unread(bench: &Bench, count: usize) -> Vec<TcpStream> {
+    std::fs::File::create(bench.data().join("big.csv")).unwrap().set_len(60 << 20).unwrap();
+    let line = json!({ "line": format!("stop{}", "a".repeat(250_000)) });
+    for _ in 0..count {
+        assert_eq!(bench.post("/api/console", &[], &line).status, 200);
+    }
+    let ask = |k: usize| {
+        let path = ["/api/data/big.csv", "/api/console?after=0"][k % 2];
+        let mut stream = TcpStream::connect(bench.address()).unwrap();
+        let _ = stream.write_all(format!("GET {path} HTTP/1.1\r\nHost: {}\r\n\r\n", bench.address()).as_bytes());
+        stream
+    };
+    (0..count).map(ask).collect()
+}
+
 /// Opens connections until it is told to end: idle ones, half requests, complete ones and ones that leave at once.
 fn flood(address: SocketAddr, has_ended: &AtomicBool, count: &AtomicUsize) {
     let requests = [
@@ -420,7 +436,9 @@ fn attack_figures() {
     let read = request(bench.address(), "POST", "/api/diagnosis/log", &[], b"{}").status;
     println!("FIGURE serve: uploads refused for trickled ones = {} uploads", u8::from(read != 422));
     drop(held);
+    let unread = unread(&bench, 200);
     let found = stops_in_a_flood(&bench, Duration::from_secs(seconds));
+    drop(unread);
     println!("FIGURE serve: connections of the flood = {} connections", found.n_connections);
     println!("FIGURE serve: stops in the flood = {} stops", 2 * found.count);
     println!("FIGURE serve: stops of a page with control that failed = {} stops", found.failed[0]);

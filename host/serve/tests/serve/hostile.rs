@@ -189,3 +189,36 @@ fn hostile_files_are_refused_and_the_server_lives() {
     }
     assert_eq!(bench.stop().status, 200);
 }
+
+/// Memory of this process, MiB.
+fn memory_mib() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let kb = status.lines().find_map(|line| line.strip_prefix("VmRSS:")?.trim().strip_suffix(" kB"))?;
+    Some(kb.trim().parse::<u64>().ok()? >> 10)
+}
+
+/// A file is read as it is sent.
+#[test]
+fn answers_that_nobody_reads_take_no_memory_and_leave_a_stop_its_time() {
+    let bench = Bench::start("planar4.toml");
+    bench.phase("idle");
+    let length = 60 << 20;
+    std::fs::File::create(bench.data().join("big.csv")).unwrap().set_len(length).unwrap();
+    let ask = || {
+        let mut stream = TcpStream::connect(bench.address()).unwrap();
+        let head = format!("GET /api/data/big.csv HTTP/1.1\r\nHost: {}\r\n\r\n", bench.address());
+        stream.write_all(head.as_bytes()).unwrap();
+        let mut status = [0; 12];
+        stream.read_exact(&mut status).unwrap();
+        assert_eq!(&status, b"HTTP/1.1 200");
+        stream
+    };
+    let unread: Vec<_> = (0..40).map(|_| ask()).collect();
+    let memory = memory_mib();
+    assert!(memory.is_none_or(|mib| mib < 1024), "{memory:?} MiB with {} answers", unread.len());
+    let began = Instant::now();
+    assert_eq!(bench.stop().status, 200);
+    assert!(began.elapsed() < STOP, "{:?}", began.elapsed());
+    let read = request(bench.address(), "GET", "/api/data/big.csv", &[], b"");
+    assert!(read.status == 200 && read.body.len() as u64 == length && read.body.iter().all(|byte| *byte == 0));
+}
