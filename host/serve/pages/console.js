@@ -6,6 +6,7 @@ import { byId, make, setText } from './format.js';
 
 const KEPT = 300;
 let next = 0;
+let stops = null;
 let isFetching = false;
 const typed = [];
 let recalled = 0;
@@ -28,6 +29,7 @@ async function fetchLines() {
 }
 
 onLive((live) => {
+  stops = live.stops;
   // A server that was started again counts from the beginning.
   if (live.console < next) {
     next = 0;
@@ -41,7 +43,7 @@ byId('type-form').addEventListener('submit', async (event) => {
   const field = byId('line');
   const line = field.value.trim().replaceAll('_', ' ');
   if (!line) return;
-  const refused = await order('/api/console', { line });
+  const refused = await order('/api/console', { line, stops });
   setText(byId('line-note'), refused ? `Not sent: ${refused.message}` : '');
   if (refused) return;
   typed.push(field.value);

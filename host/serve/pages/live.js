@@ -135,9 +135,10 @@ function showEvents(events) {
 
 // ---------------------------------------------------------------- outputs and servos
 
+// Each order says how many stops the page knows of: the word of the state shown would switch on again what was stopped since.
 function setDigit(actuator, digit) {
   const word = [...live.board.word].map((old, index) => (index === actuator ? String(digit) : old)).join('');
-  return order('/api/command', { do: 'word', word });
+  return order('/api/command', { do: 'word', word, stops: live.stops });
 }
 
 function outputRow(output, isFirst) {
@@ -208,7 +209,7 @@ function servoRow(servo, index) {
   const go = make('button', { type: 'button', className: 'small', disabled: true }, 'Go');
   go.dataset.needsControl = '';
   go.addEventListener('click', () =>
-    order('/api/command', { do: 'servo', servo: index, angle_rad: (Math.PI / 180) * Number(angle.value) }));
+    order('/api/command', { do: 'servo', servo: index, angle_rad: (Math.PI / 180) * Number(angle.value), stops: live.stops }));
   return make('tr', {}, make('th', { scope: 'row' }, String(index)), make('td', {}, name), make('td', { className: 'num' }),
     make('td', { className: 'num' }), make('td'), make('td', {}, angle, ` ° (${min} to ${max}) `, go));
 }
@@ -247,7 +248,7 @@ function show(now) {
   byId('clear').disabled = !isLive || board.phase.name !== 'safe';
 }
 
-byId('play').addEventListener('click', () => order('/api/command', { do: 'play', table: live.board.table }));
+byId('play').addEventListener('click', () => order('/api/command', { do: 'play', table: live.board.table, stops: live.stops }));
 byId('clear').addEventListener('click', () => order('/api/command', { do: 'clear' }));
 onLive(show);
 // The names do not change while the server runs; without an arm there are none.

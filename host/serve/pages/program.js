@@ -138,7 +138,7 @@ function freeName() {
 byId('record').addEventListener('click', async () => {
   setText(byId('record-result'), '');
   playback.endLoop('');
-  await order('/api/record', { table: program.digest, name: byId('record-name').value });
+  await order('/api/record', { table: program.digest, name: byId('record-name').value, stops: live.stops });
 });
 
 let wasRecording = false;
@@ -202,7 +202,7 @@ byId('upload').addEventListener('click', async () => {
 });
 byId('play').addEventListener('click', async () => {
   if (byId('loop').checked) playback.startLoop(live);
-  if (await act('/api/command', { do: 'play', table: program.digest })) playback.endLoop('');
+  if (await act('/api/command', { do: 'play', table: program.digest, stops: live.stops })) playback.endLoop('');
 });
 byId('loop').addEventListener('change', (event) => {
   if (event.target.checked && ['approaching', 'playing'].includes(live?.board?.phase.name)) playback.startLoop(live);

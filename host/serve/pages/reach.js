@@ -20,6 +20,8 @@ let current = null;
 let found = null;
 // The words of the path, that of the arm now first.
 let rests = [];
+// Stops that were known when the path was asked for: a stop of anybody outdates it.
+let pathStops = null;
 let picture = null;
 // What draws it, once it is loaded: control does not wait for the library.
 let targets = null;
@@ -158,7 +160,7 @@ function showFound(answer, wanted) {
 }
 
 // One word at a time: more actuators at once than the supply feeds would be refused.
-byId('set').addEventListener('click', () => order('/api/command', { do: 'word', word: rests[1].word }));
+byId('set').addEventListener('click', () => order('/api/command', { do: 'word', word: rests[1].word, stops: pathStops }));
 byId('add-visit').addEventListener('click', () => {
   const draft = new Draft();
   draft.become(withVisit(draft.now, { word: found.word, servosDeg: found.servos_rad.map((rad) => (180 / Math.PI) * rad), dwell: '' }));
@@ -210,9 +212,12 @@ function showRunning(running, note, bar) {
 const orders = new Latest(async (signal) => {
   if (!found) return;
   const deviation = byId('deviation').value;
+  const { stops } = live;
   const request = { from: now(), to: found.word, servos_rad: found.servos_rad, deviation_m: deviation === '' ? null : 1e-3 * Number(deviation) };
   try {
-    showOrder(await post('/api/reach/path', request, { signal }));
+    const answer = await post('/api/reach/path', request, { signal });
+    pathStops = stops;
+    showOrder(answer);
   } catch (error) {
     if (signal.aborted) return;
     showOrder({ at_once: about.at_once, rests: [] });
@@ -307,6 +312,7 @@ byId('cancel-density').addEventListener('click', () => {
 
 let shownPicture = -1;
 let shownWord = '';
+let shownStops = null;
 
 async function fetchCurrent(number) {
   shownPicture = number;
@@ -324,9 +330,9 @@ function show(state) {
   live = state;
   if (!about) return;
   if (live.picture !== shownPicture) fetchCurrent(live.picture).catch(() => { shownPicture = -1; });
-  if (now() === shownWord) return;
-  shownWord = now();
-  search.ask();
+  if (now() === shownWord && live.stops === shownStops) return;
+  if (now() !== shownWord) search.ask();
+  [shownWord, shownStops] = [now(), live.stops];
   orders.ask();
 }
 

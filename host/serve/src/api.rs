@@ -350,8 +350,8 @@ pub(crate) async fn upload(State(hub): Shared, headers: HeaderMap, Json(request)
     order(&hub, Some(key(&headers)?), Task::Upload(program), None).await
 }
 
-/// `stops` is the count of stops that the page knows of, where the request follows another one of the page and no person has just
-/// ordered it: the next play of many, a servo after the word of its row, a row after the stop of a pause.
+/// `stops` is the count of stops that the page knows of: what a person orders who does not see the last stop yet is refused, as is what
+/// follows another order of the page.
 #[derive(Deserialize)]
 #[serde(tag = "do", rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) enum CommandRequest {
@@ -394,23 +394,25 @@ pub(crate) async fn console(State(hub): Shared, Query(After { after }): Query<Af
 #[serde(deny_unknown_fields)]
 pub(crate) struct TypeRequest {
     line: String,
+    /// As of [`CommandRequest`].
+    stops: Option<u64>,
 }
 
 pub(crate) async fn type_line(
     State(hub): Shared,
     headers: HeaderMap,
-    Json(TypeRequest { line }): Json<TypeRequest>,
+    Json(TypeRequest { line, stops }): Json<TypeRequest>,
 ) -> Answer<()> {
-    let key = match LineKind::of(&line).map_err(|error| Refused::new(Kind::Invalid, error))? {
-        LineKind::Reads => None,
-        LineKind::Changes => Some(key(&headers)?),
+    let (key, known_stops) = match LineKind::of(&line).map_err(|error| Refused::new(Kind::Invalid, error))? {
+        LineKind::Reads => (None, None),
+        LineKind::Changes => (Some(key(&headers)?), stops),
         // By the thread of stops: it waits for nothing.
         LineKind::Stops => {
             hub.typed(&line);
             return stopped(Instant::now(), hub.stops().request().await).map(|_| Json(()));
         }
     };
-    order(&hub, key, Task::Type(line), None).await
+    order(&hub, key, Task::Type(line), known_stops).await
 }
 
 async fn order(hub: &Hub, key: Option<u64>, task: Task, known_stops: Option<u64>) -> Answer<()> {

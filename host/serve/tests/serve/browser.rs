@@ -153,3 +153,33 @@ fn two_pages_agree_on_who_controls() {
     let names = "[...document.querySelectorAll('#here-list li')].map((one) => one.textContent).join(', ')";
     browser.wait(&format!("{names} === '{name}, {name} (2)'"));
 }
+
+/// A click makes a complete word of the state that the page shows: what another page has stopped since would be switched on again.
+#[test]
+fn a_click_on_what_was_shown_before_a_stop_of_another_page_is_refused() {
+    let Some(browser) = Browser::start(WIDTH) else { return };
+    let bench = Bench::start("planar4.toml");
+    let _time = RealTime::start(&bench.board);
+    bench.phase("idle");
+    let page = bench.page_in_control();
+    page.upload(&bench.table(&["000010000000"], 20.0));
+    assert_eq!(page.control("release").status, 200);
+    browser.open(&format!("http://{}/", bench.address()));
+    browser.wait("document.querySelectorAll('#outputs tr').length === 12");
+    browser.click("#take");
+    browser.wait("document.body.dataset.link === 'live' && document.body.hasAttribute('data-controls')");
+    browser.click("#outputs tr:nth-child(5) button:last-of-type");
+    browser.wait("document.querySelector('#outputs tr:nth-child(5)').classList.contains('on')");
+    bench.phase("manual");
+    // From now on the page learns nothing new.
+    browser.value(
+        "(window.answered = window.fetch, window.fetch = (path, options) => String(path).startsWith('/api/live') \
+         ? new Promise(() => {}) : answered(path, options), 0)",
+    );
+    std::thread::sleep(std::time::Duration::from_millis(600));
+    assert_eq!(bench.stop().status, 200);
+    bench.phase("idle");
+    browser.click("#outputs tr:nth-child(6) button:last-of-type");
+    browser.wait("document.querySelector('#alert').textContent.includes('a stop came meanwhile')");
+    assert_eq!(bench.pins().0, 0);
+}
