@@ -23,13 +23,14 @@ use darm_core::wire::caps::{BuildId, Caps};
 use darm_core::wire::frame::{self, Header, MAX_FRAME, MAX_PAYLOAD};
 use darm_core::wire::health::Health;
 use darm_core::wire::message::{self, Answer, Calibration, Hello, Image, ImageKind, REQUEST, Refusal, Reply, Request};
+use darm_core::wire::scan::Stop;
 use embedded_storage_async::nor_flash::NorFlash;
 
 use crate::clock::Clock;
 use crate::control::{Numbered, Shared, Snapshot};
 use crate::kept::{Kept, past};
 use crate::log::{EventLog, LogMemory};
-use crate::scan::{Confirmation, Stop};
+use crate::scan::{self, Confirmation};
 use crate::servo::CYCLE;
 use crate::store::Store;
 use crate::wear::{Bucket, CALIBRATIONS, TABLES};
@@ -239,7 +240,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
     /// Takes a stop that [`crate::app::scan`] has not found, because nobody scans what comes here: the same event. What confirms it.
     pub(crate) async fn stop(&self, stop: Stop) -> Confirmation {
         self.shared.stop();
-        stop.obeyed(self.shared, || self.clock.now()).await
+        scan::obeyed(stop, self.shared, || self.clock.now()).await
     }
 
     async fn bootstrap(&mut self, request: bootstrap::Request) -> Payload {

@@ -20,7 +20,7 @@ use embedded_storage_async::nor_flash::NorFlash;
 use crate::clock::Clock;
 use crate::dispatch::{Dispatcher, FIRMWARE};
 use crate::kept::CRASHES;
-use crate::scan::Stop;
+use darm_core::wire::scan::Stop;
 use parse::{TextCommand, parse};
 
 const HELP: &[&str] = &[

@@ -13,13 +13,16 @@ use crate::link::{Link, LinkError};
 /// The holder answers at once, or is suspended.
 const ANSWER: Duration = Duration::from_millis(400);
 
+/// The link of a guest, and the stop of its port.
+type Attached = (Box<dyn Link>, StopHandle);
+
 /// Attaches to the process that has `port`, through its socket, as `name`; `None` where there is no such process, or it does not
 /// share.
 ///
 /// # Errors
 ///
 /// [`MAX_GUESTS`] programs use the port already.
-pub fn attach(port: &str, socket: &Path, name: &str) -> Result<Option<(Box<dyn Link>, StopHandle)>, LinkError> {
+pub fn attach(port: &str, socket: &Path, name: &str) -> Result<Option<Attached>, LinkError> {
     let Some((stream, answer)) = ask(socket, &format!("attach {name}")) else { return Ok(None) };
     match answer.as_str() {
         "attached" => {
