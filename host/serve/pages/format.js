@@ -22,7 +22,7 @@ export function seconds(s) {
 export const clock = (s) => `${fixed(s, 3)} s`;
 
 export const short = (digest) => (digest ? digest.slice(0, 16) : 'none');
-// A model by the name that a person gave it, its file and its number; its digest tells apart two of one name.
+// A model by the name that a person gave it, its file and its number; its digest distinguishes two of one name.
 export const modelName = ({ label, name, number }) => `${label ? `${label} · ` : ''}${number === null ? name : `${name}, model ${number}`}`;
 export const byId = (id) => document.getElementById(id);
 

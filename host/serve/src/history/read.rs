@@ -141,7 +141,7 @@ impl History {
         self.part("SELECT report FROM diagnosis WHERE id = ?1", params![diagnosis])
     }
 
-    /// What the page showed of a diagnosis, as JSON; `None` of one that was kept before it was kept too.
+    /// What the page showed of a diagnosis, as JSON; `None` of one that was too large, or that an earlier version has kept.
     ///
     /// # Errors
     ///

@@ -8,6 +8,8 @@ use crate::view::EventView;
 
 /// Largest file of a model that is kept, bytes.
 const MAX_MODEL: usize = 1 << 20;
+/// Largest result of a diagnosis that is kept, bytes: its plots take most of it, 0.8 MB with 372 rows.
+const MAX_RESULT: usize = 4 << 20;
 
 /// What the server has seen of a board.
 #[derive(Clone, Copy, Debug)]
@@ -202,7 +204,7 @@ fn insert_diagnosis(writer: &mut Connection, entry: &DiagnosisEntry<'_>, now_ms:
             entry.summary,
             entry.corrected.map(|model| model.digest),
             entry.report,
-            entry.result
+            (entry.result.len() <= MAX_RESULT).then_some(entry.result)
         ],
     )?;
     transaction.commit()

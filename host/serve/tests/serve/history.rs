@@ -102,7 +102,8 @@ fn entries_have_the_names_that_people_give_them() {
         assert_eq!(name(of, entry, " =bench\u{7}-1 "), 200, "{of}");
         let found = |entries: &Value| {
             let entries = entries.as_array().unwrap();
-            let is_it = |one: &&Value| one["id"].to_string() == entry || one["digest"] == entry;
+            let is_it =
+                |one: &&Value| one["id"].as_u64().is_some_and(|id| entry.parse() == Ok(id)) || one["digest"] == entry;
             entries.iter().find(is_it).unwrap()["label"].clone()
         };
         assert_eq!(found(&bench.get("/api/history")[of]), "=bench-1", "{of}");

@@ -122,6 +122,9 @@ fn the_corrected_model_knows_its_parent() {
     assert_eq!((models.len(), parent("b")), (2, Some(&"a".into())));
     assert_eq!(history.entries(Kind::Diagnoses, None).unwrap()[0]["corrected"], "b");
     assert_eq!(history.result(1).unwrap().as_deref(), Some(entry.result));
+    let large = "x".repeat(super::MAX_RESULT + 1);
+    history.add_diagnosis(&DiagnosisEntry { result: &large, ..entry }, 3).unwrap();
+    assert_eq!((history.result(2).unwrap(), history.report(2).unwrap().as_deref()), (None, Some("{}")));
     // A model that is seen again keeps the name that a person gave it.
     assert!(history.set_label(Kind::Models, "b", Some("after the bench")).unwrap());
     history.add_model(&model("b", None), 4).unwrap();
