@@ -354,7 +354,7 @@ fn plots_and_events(browser: &Browser) {
     browser.wait("document.querySelector('#replay').dataset.row === '0'");
 }
 
-/// `cargo test -p darm-serve --test serve --release replay_figures -- --ignored --nocapture`
+/// `cargo test --config profile.dev.package.darm-serve.opt-level=3 -p darm-serve --test serve replay_figures -- --ignored --nocapture`
 #[test]
 #[ignore = "it measures"]
 fn replay_figures_of_a_long_run() {
