@@ -16,7 +16,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::judge::reports::KnownTable;
 use crate::judge::servos::MAX_BEND_STEPS;
-use crate::judge::{Ceilings, LatchCeiling, LineCeiling, ServoCeiling, SwitchCeiling};
+use crate::judge::{Ceilings, LatchCeiling, LineCeiling, ServoCeiling, SwitchCeiling, ValveCeiling};
 
 /// Input of the emergency stop; no actuator's switch is there.
 pub const EMERGENCY_STOP: u8 = 12;
@@ -197,22 +197,42 @@ impl ArmPlan {
 
     /// The limit switches, for the judge.
     pub fn switches(&self) -> Vec<SwitchCeiling> {
-        let mut coils = self.coils.iter().map(|coil| match coil.drive {
+        let own = |(actuator, ValveCeiling { coils, states }): (&ActuatorPlan, ValveCeiling)| {
+            let (input, closed_in) = actuator.switch?;
+            Some(SwitchCeiling { coils, states, input, closed_in, travel_ms: actuator.travel_ms.into() })
+        };
+        self.actuators.iter().zip(self.valves()).filter_map(own).collect()
+    }
+
+    /// The actuators by their lines, for the judge.
+    pub fn valves(&self) -> Vec<ValveCeiling> {
+        let line = |coil: &CoilPlan| match coil.drive {
             DrivePlan::Hold(line) | DrivePlan::PeakHold(_, line, _) => (line, None),
             DrivePlan::Latch(set, reset, _) => (set, Some(reset)),
-        });
-        let own = |actuator: &ActuatorPlan| {
-            let own = coils.by_ref().take(actuator.n_coils()).collect();
-            let (input, closed_in) = actuator.switch?;
-            Some(SwitchCeiling {
-                coils: own,
-                states: actuator.states,
-                input,
-                closed_in,
-                travel_ms: actuator.travel_ms.into(),
-            })
         };
-        self.actuators.iter().filter_map(own).collect()
+        let own = |(actuator, own): (&ActuatorPlan, Range<usize>)| ValveCeiling {
+            coils: self.coils.iter().skip(own.start).take(own.len()).map(line).collect(),
+            states: actuator.states,
+        };
+        self.actuators.iter().zip(self.coil_ranges()).map(own).collect()
+    }
+
+    /// The coils of each actuator.
+    fn coil_ranges(&self) -> impl Iterator<Item = Range<usize>> {
+        self.actuators.iter().scan(0, |next, actuator| {
+            let own = *next..*next + actuator.n_coils();
+            *next = own.end;
+            Some(own)
+        })
+    }
+
+    /// One of the actuators whose coils may not be on together: its index, its first coil, and whether that is a latch.
+    pub fn three_states(&self, seed: u64) -> Option<(usize, u8, bool)> {
+        let own = self.actuators.iter().zip(self.coil_ranges()).enumerate().filter(|(_, (own, _))| own.states == 3);
+        let own: Vec<_> = own.map(|(index, (_, coils))| (index, coils.start)).collect();
+        let (index, first) = own.get(seed as usize % own.len().max(1)).copied()?;
+        let is_latch = self.coils.get(first).is_some_and(|coil| matches!(coil.drive, DrivePlan::Latch(..)));
+        Some((index, first as u8, is_latch))
     }
 
     /// The same arm as the board's own wiring.

@@ -2,6 +2,7 @@
 
 mod acts;
 mod connection;
+mod directed_acts;
 mod rest_acts;
 
 use darm_core::sequencer::{Command, Event, Fault, FaultKind};
@@ -146,6 +147,7 @@ impl<'s> Host<'s> {
             HostAct::Off(coil) => return self.off(coil),
             HostAct::Supply(form) => return self.supply(form, seed),
             HostAct::WearOut(tables) => return self.wear_out(tables, seed),
+            HostAct::NoSuchState => return self.no_such_state(seed),
             HostAct::LateHello => return self.late_hello(seed),
             HostAct::WriteProfile(is_attended) => return self.write_profile(is_attended, seed),
             HostAct::PlayContradicted(is_closed) => return self.play_contradicted(is_closed, seed),

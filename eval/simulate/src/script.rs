@@ -4,6 +4,7 @@
 //! change the others.
 
 use darm_sim::in_process::Chip;
+use rand::seq::SliceRandom as _;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
@@ -16,6 +17,9 @@ pub const MIN_MS: u64 = 60_000;
 
 /// This time after the last disturbance has begun most of them have ended, ms.
 const CALM_MS: u64 = 1_500;
+
+/// Directed scenes of one script.
+const DIRECTED: usize = 3;
 
 /// What the host does, one after the other.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -97,6 +101,8 @@ pub enum HostAct {
     RestartUnderWay,
     /// Somebody has tables stored, or zero offsets (`false`), as fast as the board takes them, over starts too.
     WearOut(bool),
+    /// Both coils of an actuator that has no state with both, one after the other, by hand; in between a stop may leave the first one set.
+    NoSuchState,
 }
 
 /// What the supply of the board does.
@@ -386,6 +392,7 @@ impl Script {
             script.draw_rare();
             script.draw_last();
             script.draw_at_rest();
+            script.draw_directed();
         }
         script
     }
@@ -507,6 +514,28 @@ impl Script {
             self.world.last().map_or(0, |entry| entry.at_ms + CALM_MS),
         ];
         self.host.push(Timed { at_ms: host_ms.max(world_ms), act, seed: rng.random() });
+    }
+
+    /// Scenes for one rule each that nothing else leads to: some of those that the arm can show, behind everything, drawn apart from the rest.
+    fn draw_directed(&mut self) {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed ^ 0x6469_7263);
+        let mut acts = self.directed_acts();
+        acts.shuffle(&mut rng);
+        let [host_ms, world_ms] = [
+            self.host.last().map_or(0, |entry| entry.at_ms),
+            self.world.last().map_or(0, |entry| entry.at_ms + CALM_MS),
+        ];
+        for act in acts.into_iter().take(DIRECTED) {
+            self.host.push(Timed { at_ms: host_ms.max(world_ms), act, seed: rng.random() });
+        }
+    }
+
+    fn directed_acts(&self) -> Vec<HostAct> {
+        let mut acts = Vec::new();
+        if self.arm.three_states(0).is_some() {
+            acts.push(HostAct::NoSuchState);
+        }
+        acts
     }
 
     /// It connects in the midst of what the first host does.

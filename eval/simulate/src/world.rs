@@ -24,6 +24,7 @@ use crate::judge::pins::Pins;
 use crate::judge::reports::Reports;
 use crate::judge::servos::{Joint, Servos};
 use crate::judge::switches::Switches;
+use crate::judge::valves::Valves;
 use crate::judge::wear::Wear;
 use crate::panics;
 use crate::script::{Script, Timed, WorldAct};
@@ -69,6 +70,8 @@ pub struct World {
     pub servos: Servos,
     /// Judge 1, the limit switches.
     pub switches: Switches,
+    /// Judge 1, the valves.
+    pub valves: Valves,
     /// Judge 1, the supply of the board.
     pub board_supply: BoardSupply,
     /// Judge 1, the flash.
@@ -176,6 +179,7 @@ impl World {
             pins: Pins::new(ceilings.clone()),
             servos: Servos::new(ceilings.clone()),
             switches: Switches::new(ceilings.clone(), script.arm.switches()),
+            valves: Valves::new(script.arm.valves()),
             board_supply: BoardSupply::new(ceilings.clone()),
             wear: Wear::default(),
             person: Person::new(ceilings, profile.profile.digest.0),
@@ -416,6 +420,7 @@ impl World {
         if self.has_broken_switches() {
             self.switches.on_disturbed(now_ns);
         }
+        self.valves.look(self.pins.high());
         self.switches.look(now_ns, self.pins.high(), self.bench.inputs(), self.has_own_table);
         if self.servos.is_latched() {
             self.pins.on_forbidden(now_ns, "safe-latched", "in the safe state, which nobody asked to be left");

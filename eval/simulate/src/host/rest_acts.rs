@@ -59,7 +59,7 @@ const START_MS: u64 = 60;
 
 impl Host<'_> {
     /// Whether the board is at rest with a table of the script; one is uploaded where there is none.
-    fn is_ready(&mut self) -> bool {
+    pub(super) fn is_ready(&mut self) -> bool {
         if self.is_own_table_at_rest() {
             return true;
         }

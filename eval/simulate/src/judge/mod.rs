@@ -5,6 +5,7 @@
 //! | pins | edges of the four chain pins, power | [`pins`] |
 //! | pins | shafts, goals and torque of the servos, whatever the bus carries | [`servos`] |
 //! | pins | valves by their lines, limit switches as the arm has them | [`switches`] |
+//! | pins | the state of each actuator by its lines | [`valves`] |
 //! | pins | the supply of the board, with lines and shafts | [`board_supply`] |
 //! | pins | erasures and writes of the flash | [`wear`] |
 //! | reports | what the host client reports, what flash holds, which lines pulsed | [`reports`] |
@@ -17,6 +18,7 @@ pub mod pins;
 pub mod reports;
 pub mod servos;
 pub mod switches;
+pub mod valves;
 pub mod wear;
 
 /// Limits of one output line.
@@ -69,6 +71,15 @@ pub struct LatchCeiling {
     pub reset: u8,
     /// Longest pulse of either, ms.
     pub pulse_ms: u32,
+}
+
+/// One actuator, with or without a limit switch.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ValveCeiling {
+    /// Its coils, as those of a [`SwitchCeiling`].
+    pub coils: Vec<(u8, Option<u8>)>,
+    /// Its digits, from 0.
+    pub states: u8,
 }
 
 /// One actuator with a limit switch.

@@ -171,6 +171,13 @@ impl Reports {
         self.verdict.note(JUDGE, "impossible-confirmed", now_ns, || format!("the board confirmed {command}"));
     }
 
+    /// Commands by hand for the two coils of an actuator brought it to a state that it does not have.
+    pub fn on_no_such_state(&mut self, now_ns: u64, actuator: usize, ending: Ending) {
+        self.verdict.note(JUDGE, "no-such-state", now_ns, || {
+            format!("a coil by hand, {ending:?}, brought actuator {actuator} to a state that it does not have")
+        });
+    }
+
     /// A command was confirmed on a connection that was opened before a confirmed stop.
     pub fn on_command_after_stop(&mut self, now_ns: u64) {
         self.verdict

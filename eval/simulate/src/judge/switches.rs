@@ -83,7 +83,7 @@ impl Switches {
                 // Nothing is expected of a switch while the board drives nothing.
                 (track.since_ns, track.wrong_ns) = (None, None);
             }
-            let digit = digit(actuator, track.digit, lines, rising);
+            let digit = digit(&actuator.coils, track.digit, lines, rising);
             // A pulse may move it though the lines say that it is there already: one before it was cut too early.
             let pulsed = rising & latches(actuator).fold(0, |all, lines| all | lines);
             if (digit != track.digit || pulsed != 0) && lines != 0 {
@@ -166,10 +166,10 @@ fn is_known(actuator: &SwitchCeiling, pulsed: u64) -> bool {
     latches(actuator).all(|lines| pulsed & lines != 0)
 }
 
-/// The digit of an actuator by its lines.
-fn digit(actuator: &SwitchCeiling, before: u8, lines: u64, rising: u64) -> u8 {
+/// The digit of an actuator of these coils by its lines.
+pub(super) fn digit(coils: &[(u8, Option<u8>)], before: u8, lines: u64, rising: u64) -> u8 {
     let high = |mask: u64, line: u8| mask >> line & 1 == 1;
-    actuator.coils.iter().enumerate().fold(0, |digit, (bit, &(line, reset))| {
+    coils.iter().enumerate().fold(0, |digit, (bit, &(line, reset))| {
         let is_on = match reset {
             None => high(lines, line),
             Some(_) if high(rising, line) => true,

@@ -1,0 +1,48 @@
+//! The host's acts for one rule each that nothing else leads to.
+
+use darm_core::sequencer::Command;
+use darm_core::units::Word;
+
+use super::Host;
+use crate::answers::SETTLE_MS;
+use crate::world::{self, Party};
+
+/// A coil that is on while another one is commanded, ms: below the shortest limit of on-time, longer than what comes in between.
+const USE_MS: u32 = 700;
+/// The pulse of a latch is over, ms.
+const PULSED_MS: u64 = 50;
+
+impl Host<'_> {
+    /// Both coils of an actuator that has no state with both. The first one is on; or it is a latch that a stop has left set.
+    pub(super) fn no_such_state(&mut self, seed: u64) {
+        let arm = &self.script.arm;
+        let Some((actuator, low, is_latch)) = arm.three_states(seed) else { return };
+        let zeros = Word::zeros(arm.actuators.len() as u8).unwrap_or_default();
+        if !self.is_ready() {
+            return;
+        }
+        // Latches of unknown state are reset.
+        self.command("reset", Command::Word(zeros));
+        world::pass(SETTLE_MS);
+        if !self.halt() || world::with(|world| world.valves.digit(actuator)) != Some(0) {
+            return;
+        }
+        let began_ns = world::with(|world| world.now_ns());
+        let entries = world::with(|world| world.valves.entries(actuator));
+        let (first, second) = if seed >> 8 & 1 == 1 { (low, low + 1) } else { (low + 1, low) };
+        self.command("first", Command::Coil { coil: first, on_ms: USE_MS });
+        world::pass(PULSED_MS);
+        if is_latch && seed >> 9 & 1 == 1 {
+            self.halt();
+        }
+        let ending = self.command("second", Command::Coil { coil: second, on_ms: USE_MS });
+        world::pass(SETTLE_MS);
+        world::with(|world| {
+            let is_alone = world.has_supply_alone(Party::First, began_ns) && world.pins.started_ns() < began_ns;
+            if is_alone && world.valves.entries(actuator) > entries {
+                world.reports.on_no_such_state(world.now_ns(), actuator, ending);
+            }
+        });
+        self.halt();
+    }
+}
