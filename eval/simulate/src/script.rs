@@ -103,6 +103,8 @@ pub enum HostAct {
     WearOut(bool),
     /// Both coils of an actuator that has no state with both, one after the other, by hand; in between a stop may leave the first one set.
     NoSuchState,
+    /// A latch of an actuator with a switch by hand, no other line on, while that switch is stuck, closed if `true`.
+    LatchContradicted(bool),
 }
 
 /// What the supply of the board does.
@@ -519,7 +521,7 @@ impl Script {
     /// Scenes for one rule each that nothing else leads to: some of those that the arm can show, behind everything, drawn apart from the rest.
     fn draw_directed(&mut self) {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed ^ 0x6469_7263);
-        let mut acts = self.directed_acts();
+        let mut acts = self.directed_acts(&mut rng);
         acts.shuffle(&mut rng);
         let [host_ms, world_ms] = [
             self.host.last().map_or(0, |entry| entry.at_ms),
@@ -530,10 +532,13 @@ impl Script {
         }
     }
 
-    fn directed_acts(&self) -> Vec<HostAct> {
+    fn directed_acts(&self, rng: &mut ChaCha8Rng) -> Vec<HostAct> {
         let mut acts = Vec::new();
         if self.arm.three_states(0).is_some() {
             acts.push(HostAct::NoSuchState);
+        }
+        if self.arm.watched_latch(0).is_some() {
+            acts.push(HostAct::LatchContradicted(rng.random()));
         }
         acts
     }

@@ -198,6 +198,9 @@ impl Observed for Confirmation {
 
 impl Observed for Status {
     fn observe(&self, asked_ns: u64) {
-        world::with(|world| world.judge_loaded(asked_ns, self.model.map(|model| model.0), self.rows));
+        world::with(|world| {
+            world.judge_loaded(asked_ns, self.model.map(|model| model.0), self.rows);
+            world.judge_running(asked_ns, &self.phase);
+        });
     }
 }

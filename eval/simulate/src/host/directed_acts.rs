@@ -2,6 +2,7 @@
 
 use darm_core::sequencer::Command;
 use darm_core::units::Word;
+use darm_device::client::Client;
 
 use super::Host;
 use crate::answers::SETTLE_MS;
@@ -11,6 +12,10 @@ use crate::world::{self, Party};
 const USE_MS: u32 = 700;
 /// The pulse of a latch is over, ms.
 const PULSED_MS: u64 = 50;
+/// A latch has moved its actuator, and the board has compared its switch, ms: the longest time of travel, and two questions.
+const ARRIVED_MS: u64 = 180;
+/// Tries in which a latch moves and its switch does not follow.
+const LATCHED: u32 = 3;
 
 impl Host<'_> {
     /// Both coils of an actuator that has no state with both. The first one is on; or it is a latch that a stop has left set.
@@ -44,5 +49,25 @@ impl Host<'_> {
             }
         });
         self.halt();
+    }
+
+    /// Latches move while nothing else is on, and a switch says the same in every state: the board compares it all the same.
+    pub(super) fn latch_contradicted(&mut self, is_closed: bool, seed: u64) {
+        let Some((input, coils)) = self.script.arm.watched_latch(seed) else { return };
+        for attempt in 0..LATCHED {
+            if !self.is_ready() {
+                return;
+            }
+            let is_closed = is_closed != (attempt % 2 == 1);
+            world::with(|world| world.stick_switches(Some((1 << input, is_closed))));
+            for coil in coils.clone().skip((seed >> 8) as usize & 1).chain(coils.clone()).take(coils.len()) {
+                self.command("latch", Command::Coil { coil, on_ms: USE_MS });
+                world::pass(ARRIVED_MS);
+                self.ask("status", Client::status);
+            }
+            world::with(|world| world.stick_switches(None));
+            self.events();
+            self.command("clear", Command::Clear);
+        }
     }
 }

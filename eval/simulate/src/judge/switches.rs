@@ -12,6 +12,8 @@ const MS: u64 = 1_000_000;
 /// A contradiction counts once it has been there for this time, and is acted on within it, in board time: contacts bounce for
 /// three ticks, the inputs are a tick old, and the lines follow a tick later.
 const NOTICE_MS: u64 = 6;
+/// What was sent before a stop may still switch lines for this time, ms.
+const INTERRUPTED_MS: u64 = 50;
 /// Spans of an actuator that are kept until the start of a program is reported.
 const SPANS: usize = 16;
 
@@ -29,6 +31,12 @@ struct Track {
     /// spans that ended.
     resting_ns: Option<u64>,
     rested_ns: VecDeque<(u64, u64)>,
+    /// When it moved last, and when it did so by a pulse of a command by hand, since the last thing that lets the board expect
+    /// nothing of its switch.
+    moved_ns: Option<u64>,
+    by_hand_ns: Option<u64>,
+    /// Since when its switch contradicts the state that its lines say, whatever is on.
+    contradicts_ns: Option<u64>,
 }
 
 /// The judge's memory.
@@ -43,6 +51,10 @@ pub struct Switches {
     off_ns: Option<u64>,
     /// When something was wrong with an input, a switch or a valve last.
     disturbed_ns: Option<u64>,
+    /// When somebody last sent what may end all that is expected of the switches; what moves soon after it may still be due to what came
+    /// before. And whether a program may have run since then.
+    interrupted_ns: u64,
+    has_played: bool,
     verdict: Verdict,
 }
 
@@ -51,7 +63,25 @@ impl Switches {
     pub fn new(ceilings: Ceilings, actuators: Vec<SwitchCeiling>) -> Self {
         let tracks = vec![Track::default(); actuators.len()];
         let verdict = Verdict::default();
-        Self { ceilings, actuators, tracks, lines: 0, is_approaching: false, off_ns: None, disturbed_ns: None, verdict }
+        Self {
+            ceilings,
+            actuators,
+            tracks,
+            lines: 0,
+            is_approaching: false,
+            off_ns: None,
+            disturbed_ns: None,
+            interrupted_ns: 0,
+            has_played: true,
+            verdict,
+        }
+    }
+
+    /// Somebody sends what may stop the board, or leave the safe state: nothing is expected of the switch of an actuator that has not been
+    /// moved by hand since.
+    pub fn on_interrupted(&mut self, now_ns: u64) {
+        (self.interrupted_ns, self.has_played) = (now_ns, false);
+        self.tracks.iter_mut().for_each(|track| track.by_hand_ns = None);
     }
 
     /// Something is wrong with an input, a switch or a valve now.
@@ -59,9 +89,16 @@ impl Switches {
         self.disturbed_ns = Some(now_ns);
     }
 
+    /// Texts come that act later than they are sent: nothing is taken for done by hand until something else is sent.
+    pub fn on_texts(&mut self) {
+        self.has_played = true;
+        self.tracks.iter_mut().for_each(|track| track.by_hand_ns = None);
+    }
+
     /// The board has started, or has been given another table: it knows of no latch any more.
     pub fn on_latches_unknown(&mut self) {
-        self.tracks.iter_mut().for_each(|track| track.pulsed = 0);
+        self.tracks.iter_mut().for_each(|track| (track.pulsed, track.by_hand_ns) = (0, None));
+        self.has_played = true;
     }
 
     /// Somebody asks for a program to be run, for which the board takes the states of all latches for unknown.
@@ -89,6 +126,14 @@ impl Switches {
             if (digit != track.digit || pulsed != 0) && lines != 0 {
                 (track.since_ns, track.wrong_ns) = (Some(now_ns), None);
             }
+            if digit != track.digit || pulsed != 0 {
+                track.moved_ns = Some(now_ns);
+            }
+            // A stop switches other coils off too, and nothing is expected of those then.
+            let is_by_hand = !self.has_played && now_ns > self.interrupted_ns + INTERRUPTED_MS * MS;
+            if pulsed != 0 && is_by_hand && actuator.coils.iter().all(|coil| coil.1.is_some()) {
+                track.by_hand_ns = Some(now_ns);
+            }
             track.digit = digit;
             track.pulsed |= pulsed;
             let is_closed = inputs >> actuator.input & 1 == 1;
@@ -105,6 +150,8 @@ impl Switches {
             track.resting_ns = if is_resting { track.resting_ns.or(Some(now_ns)) } else { None };
             // A latch that was set before is reset for the board: of such a state it knows nothing.
             let is_state = digit < actuator.states && is_known(actuator, track.pulsed);
+            let contradicts = is_watched && is_wrong && is_state;
+            track.contradicts_ns = if contradicts { track.contradicts_ns.or(Some(now_ns)) } else { None };
             let counts = is_watched && is_wrong && is_state && has_arrived && !self.is_approaching && was != 0;
             track.wrong_ns = if counts { track.wrong_ns.or(Some(now_ns)) } else { None };
             if track.wrong_ns.is_some_and(|wrong_ns| now_ns > wrong_ns + self.ceilings.true_ns(NOTICE_MS)) {
@@ -132,6 +179,24 @@ impl Switches {
                     format!(
                         "a program continues, and the switch at input {input} contradicts an actuator that has not moved"
                     )
+                });
+            }
+        }
+    }
+
+    /// The board says, to somebody who asked at `asked_ns`, that a program runs which started then, or that coils are driven by hand (`None`):
+    /// each switch that had to show its state by then has shown it, also while no line was high.
+    pub fn on_running(&mut self, now_ns: u64, asked_ns: u64, started_ns: Option<u64>) {
+        for (actuator, track) in self.actuators.iter().zip(&self.tracks) {
+            let moved_ns =
+                started_ns.map(|started_ns| track.moved_ns.unwrap_or(0).max(started_ns)).or(track.by_hand_ns);
+            let Some((moved_ns, contradicts_ns)) = moved_ns.zip(track.contradicts_ns) else { continue };
+            let last_ns = track.moved_ns.unwrap_or(0).max(moved_ns);
+            let arrived_ns = last_ns + self.ceilings.true_ns(u64::from(actuator.travel_ms) + 1);
+            if asked_ns > arrived_ns.max(contradicts_ns) + self.ceilings.true_ns(NOTICE_MS) {
+                let (input, digit) = (actuator.input, track.digit);
+                self.verdict.note(JUDGE, "switch-ignored", now_ns, || {
+                    format!("the board says that it runs, and the switch at input {input} contradicts state {digit}")
                 });
             }
         }
@@ -296,6 +361,36 @@ mod tests {
             (20..20 + off_ms).for_each(|ms| judge.look(ms * MS, 0, 0, true));
             (20 + off_ms..200).for_each(|ms| judge.look(ms * MS, 1, 0, true));
             assert_eq!(judge.finish().has("switch-ignored"), is_ignored, "{off_ms}");
+        }
+    }
+
+    #[test]
+    fn a_switch_of_latches_alone_counts_while_the_board_says_that_it_runs() {
+        // The latch is set from 100 to 120 ms, the switch never closes; somebody asks for the status.
+        for (asked_ms, stopped_ms, inputs, is_ignored) in
+            [(190, 0, 0, true), (155, 0, 0, false), (190, 0, 8, false), (190, 130, 0, false), (190, 90, 0, false)]
+        {
+            let mut judge = judge(Some(1));
+            judge.on_interrupted(0);
+            for ms in 1..200 {
+                if ms == stopped_ms {
+                    judge.on_interrupted(ms * MS);
+                }
+                judge.look(ms * MS, u64::from((100..120).contains(&ms)), inputs, true);
+            }
+            judge.on_running(200 * MS, asked_ms * MS, None);
+            assert_eq!(judge.finish().has("switch-ignored"), is_ignored, "{asked_ms} {stopped_ms} {inputs}");
+        }
+    }
+
+    #[test]
+    fn a_program_of_latches_alone_counts_from_its_start() {
+        for (started_ms, is_ignored) in [(100, true), (180, false)] {
+            let mut judge = judge(Some(1));
+            judge.on_play();
+            (1..250).for_each(|ms| judge.look(ms * MS, u64::from((20..40).contains(&ms)), 0, true));
+            judge.on_running(250 * MS, 230 * MS, Some(started_ms * MS));
+            assert_eq!(judge.finish().has("switch-ignored"), is_ignored, "{started_ms}");
         }
     }
 

@@ -1,6 +1,6 @@
 //! Who has sent what to the board, and what the judges conclude from it.
 
-use darm_core::sequencer::{Command, Fault, FaultKind};
+use darm_core::sequencer::{Command, Fault, FaultKind, Phase};
 use darm_core::units::Micros;
 use darm_core::wire::message::{ImageKind, REPLY, REQUEST, Refusal, Reply, Request};
 use darm_core::wire::{bootstrap, frame};
@@ -222,6 +222,7 @@ impl World {
         const BEFORE: [&[u8]; 4] = [b"", b"\xff\x01", b"sto", b"garbage "];
         let before = BEFORE[(seed >> 16) as usize % BEFORE.len()];
         self.say("world", || format!("{before:?} stop"));
+        self.switches.on_interrupted(self.now_ns());
         self.bench.send(&[before, hostile::TYPED_STOP].concat());
     }
 
@@ -234,6 +235,7 @@ impl World {
             StopForm::Message => hostile::stop_message((seed >> 16) as u32, number),
         };
         self.say("world", || format!("help, {form:?} stop"));
+        self.switches.on_texts();
         self.bench.set_pace(BYTES_A_TICK);
         self.bench.send(&[b"help\r".repeat(HELPS).as_slice(), &stop].concat());
     }
@@ -241,6 +243,7 @@ impl World {
     /// Somebody asks for long texts, which leave at 115 200 baud, and types behind that what would leave the safe state and drive.
     pub fn type_behind_help(&mut self, coil: u8) {
         self.say("world", || format!("help, clear, coil {coil} on"));
+        self.switches.on_texts();
         self.bench.set_pace(BYTES_A_TICK);
         self.bench.send(format!("{}clear\rcoil {coil} on 400\r", "help\r".repeat(LONG_HELPS)).as_bytes());
     }
@@ -330,7 +333,10 @@ impl World {
             let mut body = piece.to_vec();
             match frame::decode(&mut body) {
                 Ok((header, payload)) => self.on_frame(party, header, payload),
-                Err(_) => String::from_utf8_lossy(piece).split(['\r', '\n']).for_each(|line| self.on_line(line)),
+                Err(_) => {
+                    self.switches.on_interrupted(self.now_ns());
+                    String::from_utf8_lossy(piece).split(['\r', '\n']).for_each(|line| self.on_line(line));
+                }
             }
         }
     }
@@ -363,6 +369,15 @@ impl World {
     fn on_frame(&mut self, party: Party, header: frame::Header, payload: &[u8]) {
         let now_ns = self.now_ns();
         let request = (header.tag == REQUEST).then(|| postcard::from_bytes::<Request<'_>>(payload).ok()).flatten();
+        let is_by_hand =
+            |command: &Command| matches!(command, Command::Coil { .. } | Command::Word(_) | Command::Servo { .. });
+        let leaves_running = |request: &Request<'_>| match request {
+            Request::Command(command) => is_by_hand(command),
+            request => request.is_repeatable(),
+        };
+        if !request.as_ref().is_some_and(leaves_running) {
+            self.switches.on_interrupted(now_ns);
+        }
         if let Some(request) = &request {
             self.on_request(header.link, request);
         }
@@ -418,6 +433,23 @@ impl World {
                 }
             }
             _ => {}
+        }
+    }
+
+    /// The board says what it does, to somebody who asked at `asked_ns`.
+    pub fn judge_running(&mut self, asked_ns: u64, phase: &Phase) {
+        let begun_ns = self.pins.started_ns();
+        if !self.has_own_table || begun_ns >= asked_ns {
+            return;
+        }
+        let now_ns = self.now_ns();
+        match phase {
+            Phase::Manual => self.switches.on_running(now_ns, asked_ns, None),
+            Phase::Playing { started, .. } => {
+                let started_ns = begun_ns + self.pins.true_us_ns(started.0);
+                self.switches.on_running(now_ns, asked_ns, Some(started_ns));
+            }
+            Phase::Idle | Phase::Approaching { .. } | Phase::Safe(_) => {}
         }
     }
 
