@@ -105,6 +105,8 @@ pub enum HostAct {
     NoSuchState,
     /// A latch of an actuator with a switch by hand, no other line on, while that switch is stuck, closed if `true`.
     LatchContradicted(bool),
+    /// A servo that holds lowers its torque limit by itself, and a stop comes while the one before is in force.
+    StopAgain,
 }
 
 /// What the supply of the board does.
@@ -536,6 +538,9 @@ impl Script {
         let mut acts = Vec::new();
         if self.arm.three_states(0).is_some() {
             acts.push(HostAct::NoSuchState);
+        }
+        if !self.arm.servos.is_empty() {
+            acts.push(HostAct::StopAgain);
         }
         if self.arm.watched_latch(0).is_some() {
             acts.push(HostAct::LatchContradicted(rng.random()));

@@ -16,6 +16,11 @@ const PULSED_MS: u64 = 50;
 const ARRIVED_MS: u64 = 180;
 /// Tries in which a latch moves and its switch does not follow.
 const LATCHED: u32 = 3;
+/// A servo turns this far, rad.
+const TURN_RAD: f32 = 0.25;
+/// Stops while one is in force, and the time in which each has reached the servos, ms. The board looks again by itself each half second.
+const STOPS: u64 = 4;
+const STOPPED_MS: u64 = 150;
 
 impl Host<'_> {
     /// Both coils of an actuator that has no state with both. The first one is on; or it is a latch that a stop has left set.
@@ -69,5 +74,33 @@ impl Host<'_> {
             self.events();
             self.command("clear", Command::Clear);
         }
+    }
+
+    /// A servo that holds bears less than it should, and a stop comes while the one before is in force: it starts the hold again.
+    pub(super) fn stop_again(&mut self, seed: u64) {
+        let count = self.script.arm.servos.len();
+        if count == 0 || !self.is_ready() {
+            return;
+        }
+        let index = seed as usize % count;
+        let angle_rad = self.far_angle_rad(index, TURN_RAD);
+        self.command("turn", Command::Servo { servo: index as u8, angle_rad });
+        world::pass(SETTLE_MS);
+        if !self.halt() {
+            return;
+        }
+        world::pass(2 * SETTLE_MS);
+        for stop in 0..STOPS {
+            world::with(|world| world.weaken_servo(index));
+            world::pass(20 + (seed >> (8 + 8 * stop)) % 80);
+            world::with(|world| {
+                let now_ns = world.now_ns();
+                world.type_stop(seed >> stop);
+                world.on_stop(now_ns);
+                world.servos.on_repeated_stop();
+            });
+            world::pass(STOPPED_MS);
+        }
+        self.renew();
     }
 }

@@ -151,6 +151,8 @@ struct Track {
     strayed_ns: Option<u64>,
     /// Since when it has torque and no order explains its goal.
     holding_ns: Option<u64>,
+    /// It has lowered its torque limit by itself, and nobody has stopped the board since.
+    is_weakened: bool,
     /// The end of its last motion under torque, ns.
     moved_ns: Option<u64>,
     /// Whether an order explains its goal, at that number of changes of the orders.
@@ -242,6 +244,18 @@ impl Servos {
         self.ordered_ns = self.looked_ns;
         self.orders.retain(|order| order.at_ns >= before_ns);
         self.changes += 1;
+    }
+
+    /// The servo of this index lowers its torque limit by itself. When the board looks for that is its own affair, but for a stop.
+    pub fn on_weakened(&mut self, index: usize) {
+        if let Some(track) = self.tracks.get_mut(index) {
+            track.is_weakened = true;
+        }
+    }
+
+    /// A stop comes: it starts each hold again, also one that an earlier stop has begun.
+    pub fn on_repeated_stop(&mut self) {
+        self.tracks.iter_mut().for_each(|track| track.is_weakened = false);
     }
 
     /// The board knows no servo: no order gives one another goal, and one that was on its way continues, however slowly. Where that is not
@@ -336,6 +350,7 @@ impl Servos {
                     overloaded_ns: None,
                     strayed_ns: None,
                     holding_ns: None,
+                    is_weakened: false,
                     moved_ns: None,
                     explained: None,
                     misled_ns: None,
@@ -582,7 +597,7 @@ impl Servos {
     /// One that holds does so with the torque of the profile: with less the arm sags.
     fn check_strength(&mut self, now_ns: u64, track: &mut Track, servo: &ServoCeiling) {
         let Joint { id, torque_limit, has_torque, .. } = track.last;
-        if !has_torque || track.motion == Motion::Ordered {
+        if !has_torque || track.motion == Motion::Ordered || track.is_weakened {
             track.holding_ns = None;
             return;
         }

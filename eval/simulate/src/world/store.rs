@@ -111,6 +111,14 @@ impl World {
         self.bench.plant_mut().bend_servos(&bends);
     }
 
+    /// This servo lowers its torque limit by itself.
+    pub fn weaken_servo(&mut self, index: usize) {
+        self.say("world", || format!("servo {index} lowers its torque limit"));
+        self.disturbed_ns = self.now_ns();
+        self.bench.plant_mut().weaken_servo(index);
+        self.servos.on_weakened(index);
+    }
+
     /// Somebody turns this servo by this number of steps where it has no torque: what is left to the edge of its range on that side, steps, negative
     /// beyond it. `None` where it has torque.
     pub fn turn_by_hand(&mut self, index: usize, steps: f32) -> Option<f32> {

@@ -143,6 +143,11 @@ impl Plant {
         self.actuators.iter_mut().for_each(|actuator| actuator.scale_travel(share / TRAVEL_SHARE));
     }
 
+    /// This servo lowers its torque limit by itself.
+    pub fn weaken_servo(&mut self, index: usize) {
+        self.bus.weaken(index);
+    }
+
     /// Lets loads bend the servos: where each rests beside its goal, steps.
     pub fn bend_servos(&mut self, steps: &[f32]) {
         self.bus.bend(steps);

@@ -52,6 +52,9 @@ const FREE_LOAD: u16 = 60;
 /// In the load register this bit is the sign.
 const LOAD_SIGN: u16 = 1 << 10;
 
+/// Torque limit of a servo that protects itself, thousandths.
+const PROTECTED_TORQUE: u16 = 100;
+
 /// Status bit of a servo that bears more than it can.
 const OVERLOADED: u8 = 1 << 5;
 /// Of this number of answers of a servo with a bad contact one is damaged.
@@ -309,6 +312,13 @@ impl ServoBus {
         let servo = self.servos.get_mut(index).filter(|servo| !servo.state().has_torque)?;
         servo.position += steps;
         Some(servo.position)
+    }
+
+    /// This servo lowers its torque limit by itself, as one does that protects itself, and keeps its goal.
+    pub fn weaken(&mut self, index: usize) {
+        if let Some(servo) = self.servos.get_mut(index) {
+            servo.set(register::TORQUE_LIMIT, PROTECTED_TORQUE);
+        }
     }
 
     /// Breaks and repairs servos, from now on.

@@ -109,6 +109,18 @@ fn a_servo_that_holds_with_less_torque_than_the_profile_says_is_seen() {
 }
 
 #[test]
+fn one_that_has_lowered_its_torque_limit_by_itself_has_it_back_after_a_stop() {
+    for (ticks, is_broken) in [(90, false), (110, true)] {
+        let mut judge = judge(false);
+        judge.on_weakened(0);
+        let joint = turn(&mut judge, 4, 300, Joint { torque_limit: 100, ..REST }, 0.0);
+        judge.on_repeated_stop();
+        turn(&mut judge, 304, ticks, joint, 0.0);
+        assert_eq!(judge.finish().has("servo-weak"), is_broken, "{ticks} ms");
+    }
+}
+
+#[test]
 fn a_servo_that_gets_torque_without_an_order_is_seen() {
     for (order_ms, is_broken) in [(Some(4), false), (None, true)] {
         let mut judge = judge(false);
