@@ -29,6 +29,9 @@ const LAST_SHARE: f32 = 0.9;
 const LAST_END_MS: u32 = 2;
 /// The board promises to shift unchanged lines again so often, ms.
 const REFRESH_MS: u32 = 100;
+/// From one pulse that a stop ends to the next, ms.
+const MIN_PERIOD_MS: u32 = 5;
+const MAX_PERIOD_MS: u32 = 12;
 /// The longest time of a coil in a script, ns.
 const LONGEST_ON_NS: u64 = 3_000_000_000;
 
@@ -224,6 +227,18 @@ impl ArmPlan {
             *next = own.end;
             Some(own)
         })
+    }
+
+    /// A coil that the supply feeds often enough to use it up by pulses that a stop ends: the one with the smallest share of its window, and
+    /// the time from one pulse to the next, ms.
+    pub fn often(&self) -> Option<(u8, u32)> {
+        let period_ms = (u32::from(self.budget_ms) + 2).div_ceil(u32::from(self.new_loads).max(1)).max(MIN_PERIOD_MS);
+        let has_no_peak = |(_, coil): &(u8, &CoilPlan)| !matches!(coil.drive, DrivePlan::PeakHold(..));
+        let coils = (0u8..).zip(&self.coils).filter(has_no_peak);
+        let (coil, plan) = coils.min_by_key(|(_, coil)| coil.duty_percent)?;
+        // Off for two ticks in each.
+        let is_enough = 100 * (period_ms - 2) > u32::from(plan.duty_percent) * period_ms;
+        (is_enough && period_ms <= MAX_PERIOD_MS).then_some((coil, period_ms))
     }
 
     /// One of the actuators whose coils may not be on together: its index, its first coil, and whether that is a latch.

@@ -107,6 +107,8 @@ pub enum HostAct {
     LatchContradicted(bool),
     /// A servo that holds lowers its torque limit by itself, and a stop comes while the one before is in force.
     StopAgain,
+    /// A coil on for a moment, then a stop, as often as the supply feeds it: what flowed before each stop counts.
+    StopPulses,
 }
 
 /// What the supply of the board does.
@@ -538,6 +540,9 @@ impl Script {
         let mut acts = Vec::new();
         if self.arm.three_states(0).is_some() {
             acts.push(HostAct::NoSuchState);
+        }
+        if self.arm.often().is_some() {
+            acts.push(HostAct::StopPulses);
         }
         if !self.arm.servos.is_empty() {
             acts.push(HostAct::StopAgain);

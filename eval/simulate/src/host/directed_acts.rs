@@ -21,6 +21,10 @@ const TURN_RAD: f32 = 0.25;
 /// Stops while one is in force, and the time in which each has reached the servos, ms. The board looks again by itself each half second.
 const STOPS: u64 = 4;
 const STOPPED_MS: u64 = 150;
+/// Pulses that a stop ends, together for this time, ms: most of the longest window.
+const PULSES_MS: u32 = 9_000;
+/// Such a pulse is commanded for this time, ms; the stop ends it.
+const PULSE_MS: u32 = 25;
 
 impl Host<'_> {
     /// Both coils of an actuator that has no state with both. The first one is on; or it is a latch that a stop has left set.
@@ -102,5 +106,22 @@ impl Host<'_> {
             world::pass(STOPPED_MS);
         }
         self.renew();
+    }
+
+    /// A coil on for a moment, then a stop, again and again: what flowed before each stop counts, so that the output is refused in time.
+    pub(super) fn stop_pulses(&mut self) {
+        let Some((coil, period_ms)) = self.script.arm.often().filter(|_| self.is_ready()) else { return };
+        for _ in 0..PULSES_MS / period_ms {
+            world::with(|world| world.type_line(&format!("coil {coil} on {PULSE_MS}")));
+            world::pass(u64::from(period_ms) - 2);
+            world::with(|world| {
+                world.type_line("stop");
+                world.on_stop(world.now_ns());
+            });
+            world::pass(2);
+        }
+        self.renew();
+        self.events();
+        self.command("clear", Command::Clear);
     }
 }

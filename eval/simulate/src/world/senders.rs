@@ -226,6 +226,13 @@ impl World {
         self.bench.send(&[before, hostile::TYPED_STOP].concat());
     }
 
+    /// Somebody types a line.
+    pub fn type_line(&mut self, line: &str) {
+        let now_ns = self.now_ns();
+        (self.hostile_ns, self.disturbed_ns, self.quiet_ns) = (Some(now_ns), now_ns, None);
+        self.send_hostile(vec![Sent { bytes: format!("{line}\r").into_bytes(), what: line.to_owned() }]);
+    }
+
     /// Somebody asks for long texts, which leave at 115 200 baud, and stops in this form right behind that.
     pub fn stop_behind_help(&mut self, form: StopForm, seed: u64) {
         let number = (seed >> 32) as u16;
