@@ -109,6 +109,8 @@ pub enum HostAct {
     StopAgain,
     /// A coil on for a moment, then a stop, as often as the supply feeds it: what flowed before each stop counts.
     StopPulses,
+    /// A load that a servo does not bear pushes it away from the target at which it is, while a coil is on.
+    SagAtTarget,
 }
 
 /// What the supply of the board does.
@@ -545,7 +547,7 @@ impl Script {
             acts.push(HostAct::StopPulses);
         }
         if !self.arm.servos.is_empty() {
-            acts.push(HostAct::StopAgain);
+            acts.extend([HostAct::StopAgain, HostAct::SagAtTarget]);
         }
         if self.arm.watched_latch(0).is_some() {
             acts.push(HostAct::LatchContradicted(rng.random()));

@@ -22,6 +22,8 @@ use crate::world::{self, BACK_MS, Party};
 const OFFSET_RAD: f32 = 0.05;
 /// Servos that may be misled turn this far, rad: no damaged request takes them out of their range before it is read back.
 const TURN_RAD: f32 = 0.25;
+/// A servo has turned as far as that at a quarter of the slowest speed, and rests, ms.
+const TURNED_MS: u64 = 3_000;
 /// Turns of a servo, some of whose requests are damaged, and the time of each, ms.
 const TURNS: u64 = 4;
 const TURN_MS: u64 = 90;
@@ -293,19 +295,23 @@ impl Host<'_> {
         self.command("clear", Command::Clear);
     }
 
-    /// A servo holds and a coil is on; then a load pushes the servo away, and is taken off again.
-    pub(super) fn sag(&mut self, seed: u64) {
+    /// A servo holds, or is at its target, and a coil is on; then a load pushes the servo away, and is taken off again.
+    pub(super) fn sag(&mut self, seed: u64, at_target: bool) {
         let Some(coil) = self.script.arm.steady_coil().filter(|_| self.is_ready()) else { return };
         let index = seed as usize % self.script.arm.servos.len();
         // Stops that are repeated let no servo sink.
-        let is_stopped = seed >> 8 & 1 == 1;
+        let is_stopped = !at_target && seed >> 8 & 1 == 1;
         let angle_rad = self.far_angle_rad(index, TURN_RAD);
         self.command("turn", Command::Servo { servo: index as u8, angle_rad });
-        world::pass(TURN_MS);
-        if !self.halt() {
-            return;
+        if at_target {
+            world::pass(TURNED_MS);
+        } else {
+            world::pass(TURN_MS);
+            if !self.halt() {
+                return;
+            }
+            world::pass(2 * SETTLE_MS);
         }
-        world::pass(2 * SETTLE_MS);
         self.command("drive", Command::Coil { coil, on_ms: DRIVEN_MS });
         for step in 1..=SAG_STEPS {
             world::with(|world| world.push_servo(index, step as f32));
@@ -318,7 +324,8 @@ impl Host<'_> {
             }
             world::pass(2);
         }
-        world::pass(SETTLE_MS / 2);
+        // To its target it turns at a quarter of its speed, and the load takes it away from there as slowly.
+        world::pass(if at_target { u64::from(DRIVEN_MS) } else { SETTLE_MS / 2 });
         self.events();
         world::with(|world| world.push_servo(index, 0.0));
         world::pass(BACK_MS);

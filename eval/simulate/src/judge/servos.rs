@@ -153,6 +153,8 @@ struct Track {
     holding_ns: Option<u64>,
     /// It has lowered its torque limit by itself, and nobody has stopped the board since.
     is_weakened: bool,
+    /// It has been at the goal in force.
+    has_arrived: bool,
     /// The end of its last motion under torque, ns.
     moved_ns: Option<u64>,
     /// Whether an order explains its goal, at that number of changes of the orders.
@@ -351,6 +353,7 @@ impl Servos {
                     strayed_ns: None,
                     holding_ns: None,
                     is_weakened: false,
+                    has_arrived: false,
                     moved_ns: None,
                     explained: None,
                     misled_ns: None,
@@ -391,8 +394,10 @@ impl Servos {
             track.driven_ns = Some(now_ns);
         }
         if joint.goal != before.goal {
-            track.explained = None;
+            (track.explained, track.has_arrived) = (None, false);
         }
+        track.has_arrived &= joint.has_torque;
+        track.has_arrived |= joint.has_torque && !joint.is_pushed && (joint.goal - joint.step).abs() <= HOLD_STEPS;
         let is_misled = self.is_misled(now_ns, &mut track, joint.misled != before.misled, is_powered);
         let falls = before.has_torque && !joint.has_torque && is_powered && !is_misled;
         if falls && self.ceiling(id).is_some_and(|servo| !servo.is_released) {
@@ -429,7 +434,7 @@ impl Servos {
                 });
             }
         }
-        self.check_stray(now_ns, &mut track, &servo);
+        self.check_stray(now_ns, index, &mut track, &servo);
         self.check_misled(now_ns, index, &mut track, &servo);
         if is_misled || joint.is_pushed {
             // Where it comes to rest afterwards is where it rests.
@@ -580,11 +585,13 @@ impl Servos {
         }
     }
 
-    /// The board latches the safe state where a servo is pushed away from what it holds, or turned out of its range without torque.
-    fn check_stray(&mut self, now_ns: u64, track: &mut Track, servo: &ServoCeiling) {
+    /// The board latches the safe state where a servo is pushed away from what it holds, or from a target at which it has been, or is turned
+    /// out of its range without torque.
+    fn check_stray(&mut self, now_ns: u64, index: usize, track: &mut Track, servo: &ServoCeiling) {
         let Joint { is_pushed, has_torque, is_heard, goal, step, .. } = track.last;
         let is_away = if has_torque { (goal - step).abs() > STRAY_STEPS } else { servo.beyond(step) > OUT_STEPS };
-        if !(is_away && is_pushed && is_heard) || track.motion == Motion::Ordered {
+        let is_seen = is_away && is_pushed && is_heard;
+        if !is_seen || has_torque && !track.has_arrived && self.is_ordered(index, goal) {
             track.strayed_ns = None;
             return;
         }

@@ -146,6 +146,17 @@ fn a_servo_that_is_pushed_away_from_what_it_holds_latches_the_safe_state() {
 }
 
 #[test]
+fn a_servo_that_is_pushed_away_from_its_target_latches_the_safe_state_once_it_has_been_there() {
+    for (goal, is_latched) in [(2048.0, true), (2300.0, false)] {
+        let mut judge = judge(false);
+        judge.on_order(4 * MS, Wish::Angle(0, (goal - 2048.0) / super::STEPS_PER_RAD));
+        turn(&mut judge, 4, 10, Joint { goal, ..REST }, 0.0);
+        turn(&mut judge, 14, 80, Joint { goal, step: 2148.0, is_pushed: true, ..REST }, 0.0);
+        assert_eq!(judge.is_latched(), is_latched, "to {goal}");
+    }
+}
+
+#[test]
 fn a_servo_without_torque_that_is_turned_out_of_its_range_latches_the_safe_state() {
     for (step, is_latched) in [(3013.0, false), (3015.0, true), (985.0, true)] {
         let mut judge = judge(true);
