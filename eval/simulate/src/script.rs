@@ -111,6 +111,8 @@ pub enum HostAct {
     StopPulses,
     /// A load that a servo does not bear pushes it away from the target at which it is, while a coil is on.
     SagAtTarget,
+    /// Somebody turns a servo without torque within its range, faster than the profile says, while a coil is on.
+    TurnFast,
 }
 
 /// What the supply of the board does.
@@ -542,6 +544,9 @@ impl Script {
         let mut acts = Vec::new();
         if self.arm.three_states(0).is_some() {
             acts.push(HostAct::NoSuchState);
+        }
+        if self.arm.servos.iter().any(|servo| servo.is_released) {
+            acts.push(HostAct::TurnFast);
         }
         if self.arm.often().is_some() {
             acts.push(HostAct::StopPulses);

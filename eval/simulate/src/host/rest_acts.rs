@@ -1,7 +1,9 @@
 //! The host's acts on a board whose flash, supply or servo bus fails or wears, after everything else.
 
+use std::f32::consts::TAU;
+
 use darm_arm::board_profile::BoardProfile;
-use darm_core::output::Wiring;
+use darm_core::output::{SERVO_STEPS_PER_TURN, Wiring};
 use darm_core::profile::MAX_CHIPS;
 use darm_core::sequencer::Command;
 use darm_core::wire::bootstrap::RebootTarget;
@@ -36,6 +38,10 @@ const STOPPED_STEPS: u16 = 5;
 const HAND_STEPS: f32 = 0.3;
 const EDGE_STEPS: f32 = 20.0;
 const OUT_STEPS: f32 = 40.0;
+/// A hand that is too fast: this share of the speed of the servo, and this much more, steps/s, for this time, ms.
+const FAST_SHARE: f32 = 1.6;
+const FAST_STEPS_S: f32 = 1_200.0;
+const FAST_TICKS: u32 = 120;
 /// Rows of a table for one try.
 const ROWS: usize = 8;
 /// What is driven while the supply fails is on for this time, ms: below the shortest limit of on-time.
@@ -174,8 +180,9 @@ impl Host<'_> {
         self.put_profile(&self.script.arm.profile());
     }
 
-    /// Somebody turns a servo that has had no torque since the start, to the edge of its range and, while a coil is on, out of it.
-    pub(super) fn turn_by_hand(&mut self, seed: u64) {
+    /// Somebody turns a servo that has had no torque since the start, to the edge of its range and, while a coil is on, out of it; or fast from
+    /// there to the other edge.
+    pub(super) fn turn_by_hand(&mut self, seed: u64, is_fast: bool) {
         let Some(coil) = self.script.arm.steady_coil().filter(|_| self.is_ready()) else { return };
         let released = |(index, servo): (usize, &ServoPlan)| servo.is_released.then_some(index);
         let Some(index) = self.script.arm.servos.iter().enumerate().find_map(released) else { return };
@@ -185,7 +192,17 @@ impl Host<'_> {
         let side = if seed & 1 == 0 { 1.0 } else { -1.0 };
         turn_while(index, HAND_STEPS * side, |left| left > EDGE_STEPS);
         self.command("drive", Command::Coil { coil, on_ms: DRIVEN_MS });
-        turn_while(index, HAND_STEPS * side, |left| left > -OUT_STEPS);
+        if is_fast {
+            // Across the middle both edges are farther away: it turns as far as half of the range and its time allow.
+            let steps = self.script.arm.servos.get(index).map_or(0.0, fast_steps);
+            let mut ticks = 0;
+            turn_while(index, -steps * side, |left| {
+                ticks += 1;
+                ticks < FAST_TICKS && (ticks < FAST_TICKS / 2 || left > 2.0 * EDGE_STEPS)
+            });
+        } else {
+            turn_while(index, HAND_STEPS * side, |left| left > -OUT_STEPS);
+        }
         world::pass(SETTLE_MS);
         self.events();
         turn_while(index, -HAND_STEPS * side, |left| left < EDGE_STEPS);
@@ -379,10 +396,15 @@ impl Host<'_> {
     }
 }
 
+/// What a hand turns a servo in 1 ms that is faster than the board allows, steps.
+fn fast_steps(servo: &ServoPlan) -> f32 {
+    1e-3 * (FAST_SHARE * servo.max_speed_rad_s * SERVO_STEPS_PER_TURN / TAU + FAST_STEPS_S)
+}
+
 /// Somebody turns a servo without torque by this number of steps each ms, as long as that holds of what is left to the edge of its range,
 /// steps.
-fn turn_while(index: usize, steps: f32, is_on: impl Fn(f32) -> bool) {
-    while world::with(|world| world.turn_by_hand(index, steps)).is_some_and(&is_on) {
+fn turn_while(index: usize, steps: f32, mut is_on: impl FnMut(f32) -> bool) {
+    while world::with(|world| world.turn_by_hand(index, steps)).is_some_and(&mut is_on) {
         world::pass(1);
     }
 }

@@ -59,6 +59,10 @@ const TORQUE_SLACK: u16 = 1;
 /// two visits and the vote of each, ms.
 const STRAY_STEPS: f32 = 65.0 + 16.0;
 const STRAY_MS: u64 = 60;
+/// A shaft turns too fast beyond this share of its speed (docs/safety.md), and what the noise of two places (8 steps) and the time of an
+/// answer make of a visit, steps/s.
+const FAST_SHARE: f32 = 1.5;
+const FAST_STEPS_S: f32 = 1_000.0;
 /// A shaft without torque is out of its range beyond this, steps: what the board takes for the edge (13) and the rounding of its place.
 const OUT_STEPS: f32 = 14.0;
 /// Steps of one radian.
@@ -153,6 +157,8 @@ struct Track {
     holding_ns: Option<u64>,
     /// It has lowered its torque limit by itself, and nobody has stopped the board since.
     is_weakened: bool,
+    /// Since when a hand has turned it faster than it may.
+    fast_ns: Option<u64>,
     /// It has been at the goal in force.
     has_arrived: bool,
     /// The end of its last motion under torque, ns.
@@ -353,6 +359,7 @@ impl Servos {
                     strayed_ns: None,
                     holding_ns: None,
                     is_weakened: false,
+                    fast_ns: None,
                     has_arrived: false,
                     moved_ns: None,
                     explained: None,
@@ -435,6 +442,7 @@ impl Servos {
             }
         }
         self.check_stray(now_ns, index, &mut track, &servo);
+        self.check_fast(now_ns, span_ns, &mut track, turned, &servo);
         self.check_misled(now_ns, index, &mut track, &servo);
         if is_misled || joint.is_pushed {
             // Where it comes to rest afterwards is where it rests.
@@ -596,6 +604,20 @@ impl Servos {
             return;
         }
         let since_ns = *track.strayed_ns.get_or_insert(now_ns);
+        if now_ns > since_ns + self.ceilings.true_ns(STRAY_MS) {
+            self.on_latched(now_ns);
+        }
+    }
+
+    /// The board latches the safe state where a servo without torque is turned faster than the profile says.
+    fn check_fast(&mut self, now_ns: u64, span_ns: u64, track: &mut Track, turned: f32, servo: &ServoCeiling) {
+        let Joint { is_pushed, has_torque, is_heard, .. } = track.last;
+        let allowed = (FAST_SHARE * f32::from(servo.max_steps_s) + FAST_STEPS_S) * 1e-9 * span_ns as f32;
+        if has_torque || !is_pushed || !is_heard || turned.abs() <= allowed {
+            track.fast_ns = None;
+            return;
+        }
+        let since_ns = *track.fast_ns.get_or_insert(now_ns - span_ns);
         if now_ns > since_ns + self.ceilings.true_ns(STRAY_MS) {
             self.on_latched(now_ns);
         }

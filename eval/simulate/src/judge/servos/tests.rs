@@ -157,6 +157,16 @@ fn a_servo_that_is_pushed_away_from_its_target_latches_the_safe_state_once_it_ha
 }
 
 #[test]
+fn a_servo_without_torque_that_is_turned_too_fast_latches_the_safe_state() {
+    for (steps_s, is_latched) in [(1_740.0, false), (1_760.0, true)] {
+        let mut judge = judge(true);
+        let joint = Joint { goal: 2900.0, has_torque: false, is_pushed: true, ..REST };
+        turn(&mut judge, 4, 80, joint, steps_s);
+        assert_eq!(judge.is_latched(), is_latched, "at {steps_s} steps/s");
+    }
+}
+
+#[test]
 fn a_servo_without_torque_that_is_turned_out_of_its_range_latches_the_safe_state() {
     for (step, is_latched) in [(3013.0, false), (3015.0, true), (985.0, true)] {
         let mut judge = judge(true);
