@@ -32,6 +32,8 @@ const REFRESH_MS: u32 = 100;
 /// From one pulse that a stop ends to the next, ms.
 const MIN_PERIOD_MS: u32 = 5;
 const MAX_PERIOD_MS: u32 = 12;
+/// Where the window of the supply is longer, a coil may not switch each 40 ms, ms.
+const MAX_TOGGLED_MS: u16 = 40;
 /// The longest time of a coil in a script, ns.
 const LONGEST_ON_NS: u64 = 3_000_000_000;
 
@@ -227,6 +229,16 @@ impl ArmPlan {
             *next = own.end;
             Some(own)
         })
+    }
+
+    /// A coil that stays on while it is commanded, and one of another actuator that may switch often meanwhile.
+    pub fn steady_and_toggled(&self) -> Option<(u8, u8)> {
+        let steady = self.steady_coil()?;
+        let is_own = |coils: &Range<usize>| coils.contains(&usize::from(steady));
+        let own = self.coil_ranges().find(is_own)?;
+        let holds = |coil: usize| self.coils.get(coil).is_some_and(|coil| matches!(coil.drive, DrivePlan::Hold(_)));
+        let toggled = (0..self.coils.len()).find(|coil| !own.contains(coil) && holds(*coil))?;
+        (self.budget_ms <= MAX_TOGGLED_MS).then_some((steady, toggled as u8))
     }
 
     /// A coil that the supply feeds often enough to use it up by pulses that a stop ends: the one with the smallest share of its window, and

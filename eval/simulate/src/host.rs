@@ -153,6 +153,7 @@ impl<'s> Host<'s> {
             HostAct::LatchContradicted(is_closed) => return self.latch_contradicted(is_closed, seed),
             HostAct::StopAgain => return self.stop_again(seed),
             HostAct::StopPulses => return self.stop_pulses(),
+            HostAct::CutUnderChange => return self.cut_under_change(),
             HostAct::LateHello => return self.late_hello(seed),
             HostAct::WriteProfile(is_attended) => return self.write_profile(is_attended, seed),
             HostAct::PlayContradicted(is_closed) => return self.play_contradicted(is_closed, seed),

@@ -113,6 +113,8 @@ pub enum HostAct {
     SagAtTarget,
     /// Somebody turns a servo without torque within its range, faster than the profile says, while a coil is on.
     TurnFast,
+    /// The chain returns nothing while a coil is on and another one switches again and again.
+    CutUnderChange,
 }
 
 /// What the supply of the board does.
@@ -547,6 +549,9 @@ impl Script {
         }
         if self.arm.servos.iter().any(|servo| servo.is_released) {
             acts.push(HostAct::TurnFast);
+        }
+        if self.arm.steady_and_toggled().is_some() {
+            acts.push(HostAct::CutUnderChange);
         }
         if self.arm.often().is_some() {
             acts.push(HostAct::StopPulses);

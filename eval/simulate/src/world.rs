@@ -136,6 +136,8 @@ pub struct World {
     act_faults: ServoFaults,
     /// The host's act has the switches of these inputs stuck, closed if `true`.
     stuck: Option<(u32, bool)>,
+    /// The host's act has cut the wire by which the chain returns what is shifted into it.
+    is_return_cut: bool,
     /// The supply of the board is low.
     is_supply_low: bool,
     /// The chain is shorter than the profile in force says.
@@ -216,6 +218,7 @@ impl World {
             pressed_ns: None,
             act_faults: ServoFaults::default(),
             stuck: None,
+            is_return_cut: false,
             is_supply_low: false,
             is_chain_short: false,
             pushed_ns: 0,

@@ -25,6 +25,10 @@ const STOPPED_MS: u64 = 150;
 const PULSES_MS: u32 = 9_000;
 /// Such a pulse is commanded for this time, ms; the stop ends it.
 const PULSE_MS: u32 = 25;
+/// A coil is on for this time while another one switches on each so often, ms: sooner than the board shifts unchanged lines again.
+const TOGGLED_MS: u32 = 20;
+const TOGGLE_MS: u64 = 45;
+const TOGGLES: u32 = 12;
 
 impl Host<'_> {
     /// Both coils of an actuator that has no state with both. The first one is on; or it is a latch that a stop has left set.
@@ -121,6 +125,21 @@ impl Host<'_> {
             world::pass(2);
         }
         self.renew();
+        self.events();
+        self.command("clear", Command::Clear);
+    }
+
+    /// The chain returns nothing any more, and lines change sooner than unchanged ones are shifted again: the board notices it all the same.
+    pub(super) fn cut_under_change(&mut self) {
+        let Some((steady, toggled)) = self.script.arm.steady_and_toggled().filter(|_| self.is_ready()) else { return };
+        self.command("steady", Command::Coil { coil: steady, on_ms: USE_MS });
+        world::with(|world| world.cut_return(true));
+        for _ in 0..TOGGLES {
+            world::with(|world| world.type_line(&format!("coil {toggled} on {TOGGLED_MS}")));
+            world::pass(TOGGLE_MS);
+        }
+        world::with(|world| world.cut_return(false));
+        world::pass(SETTLE_MS);
         self.events();
         self.command("clear", Command::Clear);
     }

@@ -269,6 +269,13 @@ impl World {
         self.break_plant();
     }
 
+    /// The wire by which the chain returns what is shifted into it is cut from now on, beside what the script does; or it is repaired.
+    pub fn cut_return(&mut self, is_cut: bool) {
+        self.is_return_cut = is_cut;
+        self.disturbed_ns = self.now_ns();
+        self.break_plant();
+    }
+
     /// The host has somebody press the emergency stop, or release it.
     pub fn press_emergency_stop(&mut self, is_pressed: bool) {
         let now_ns = self.now_ns();
@@ -308,7 +315,7 @@ impl World {
 
     fn break_plant(&mut self) {
         let mut broken = Broken { servos: self.act_faults, ..Broken::default() };
-        let mut chain = ChainFaults::default();
+        let mut chain = ChainFaults { return_cut: self.is_return_cut, ..ChainFaults::default() };
         match self.stuck {
             Some((inputs, true)) => broken.switches_closed = inputs,
             Some((inputs, false)) => broken.switches_open = inputs,
