@@ -174,10 +174,12 @@ pub enum TurnFault {
     Stubborn,
     /// A stop; then it is silent again and again for a moment while it rests.
     Silences,
+    /// It reports a load above the torque that the profile allows it, and no overload. Not among [`TurnFault::ALL`]: drawn apart from them.
+    Strained,
 }
 
 impl TurnFault {
-    /// All of them.
+    /// All of them that are drawn at any time.
     pub const ALL: [Self; 10] = [
         Self::StopWithDamage,
         Self::StopUnconfirmed,
@@ -558,6 +560,7 @@ impl Script {
         }
         if !self.arm.servos.is_empty() {
             acts.extend([HostAct::StopAgain, HostAct::SagAtTarget]);
+            acts.push(HostAct::TurnUnder(TurnFault::Strained, rng.random_range(250..490)));
         }
         if self.arm.watched_latch(0).is_some() {
             acts.push(HostAct::LatchContradicted(rng.random()));

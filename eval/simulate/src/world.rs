@@ -398,7 +398,7 @@ impl World {
         let is_noisy = self.is_bus_noisy() || self.person.may_be_lost();
         let garbled = deaf | stubborn | unconfirmed | damaged;
         let unheard = silent | mute | garbled;
-        let overloaded = broken.servos.overloaded;
+        let overloaded = broken.servos.overloaded | broken.servos.strained;
         let is_bus_clear = unheard == 0 && !is_noisy;
         let joint = |(index, state): (usize, ServoState)| {
             let has = |mask: u8| mask >> index & 1 == 1;

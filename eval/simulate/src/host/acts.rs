@@ -516,8 +516,13 @@ impl Host<'_> {
                 }
                 world::pass(10);
             }
-            TurnFault::Overload => {
-                world::with(|world| world.break_servos(ServoFaults { overloaded: mask, ..none }));
+            TurnFault::Overload | TurnFault::Strained => {
+                let faults = if fault == TurnFault::Strained {
+                    ServoFaults { strained: mask, ..none }
+                } else {
+                    ServoFaults { overloaded: mask, ..none }
+                };
+                world::with(|world| world.break_servos(faults));
                 world::pass(2 * SETTLE_MS);
                 self.events();
             }

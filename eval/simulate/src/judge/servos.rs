@@ -85,7 +85,7 @@ pub struct Joint {
     pub answers: u32,
     /// It cannot turn.
     pub is_blocked: bool,
-    /// It reports an overload.
+    /// It reports an overload, or a load above the torque that the profile allows it.
     pub is_overloaded: bool,
     /// Its answers and orders arrive as they were sent.
     pub is_heard: bool,
@@ -671,7 +671,7 @@ impl Servos {
         if goes && now_ns > since_ns + self.ceilings.true_ns(OVERLOAD_MS) {
             let ms = (now_ns - since_ns) / MS;
             self.verdict.note(JUDGE, "servo-overload", now_ns, || {
-                format!("servo {id} turns on, {ms} ms after it first reported an overload")
+                format!("servo {id} turns on, {ms} ms after it first reported an overload or too much load")
             });
         }
     }

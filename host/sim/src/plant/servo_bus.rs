@@ -47,8 +47,9 @@ const WRITABLE: Range<usize> = 5..56;
 const CENTRE: f32 = 2048.0;
 /// Speed without a limit, steps/s: that of an STS3215 at 7.4 V.
 const TOP_SPEED: f32 = 3400.0;
-/// Load while turning freely and while blocked is a share of 1000.
+/// Load while turning freely, and all that a servo can bear, thousandths.
 const FREE_LOAD: u16 = 60;
+const FULL_LOAD: u16 = 1000;
 /// In the load register this bit is the sign.
 const LOAD_SIGN: u16 = 1 << 10;
 
@@ -83,6 +84,8 @@ pub struct ServoFaults {
     pub overloaded: u8,
     /// Some of what is written to them arrives with two bits changed, and with a sum that is right: they do that.
     pub misled: u8,
+    /// While they have torque they report to bear all the torque that they have, whatever their limit.
+    pub strained: u8,
 }
 
 impl ServoFaults {
@@ -99,6 +102,7 @@ impl ServoFaults {
             damaged: bit(self.damaged),
             overloaded: bit(self.overloaded),
             misled: bit(self.misled),
+            strained: bit(self.strained),
         }
     }
 }
@@ -217,8 +221,10 @@ impl Servo {
         let load = match (away != 0.0, self.is_blocked()) {
             (false, _) => 0,
             (true, false) => FREE_LOAD,
-            (true, true) => self.get(register::TORQUE_LIMIT).min(1000),
+            (true, true) => self.get(register::TORQUE_LIMIT).min(FULL_LOAD),
         };
+        let is_strained = self.faults.strained != 0 && self.registers[register::TORQUE_ENABLE] == 1;
+        let load = if is_strained { FULL_LOAD } else { load };
         let sign = |negative: bool, bit: u16| if negative { bit } else { 0 };
         self.set(register::PRESENT_POSITION, self.position.round().clamp(0.0, 4095.0) as u16);
         self.set(register::PRESENT_SPEED, speed.abs() as u16 | sign(speed < 0.0, 1 << 15));
@@ -611,6 +617,15 @@ mod tests {
         quarter_turn(&mut bus);
         bus.advance(2.0);
         assert_eq!(bus.states().next().map(|state| state.step), Some(2048.0 + 1024.0 - 4.0));
+    }
+
+    #[test]
+    fn a_strained_servo_reports_all_its_torque_as_load() {
+        let mut bus = broken(ServoFaults { strained: 1, ..ServoFaults::default() });
+        assert_eq!(bus.receive(0.0, &packet(1, instruction::READ, &[60, 2]))[5..7], [0, 0], "it has no torque");
+        quarter_turn(&mut bus);
+        bus.advance(0.5);
+        assert_eq!(bus.receive(0.5, &packet(1, instruction::READ, &[60, 2]))[5..7], 1000u16.to_le_bytes());
     }
 
     #[test]
