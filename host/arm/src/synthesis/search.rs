@@ -108,7 +108,8 @@ pub(super) fn solve(problem: &mut Problem, options: &Options) -> Result<Found, S
     }
     // The initial arm can be assembled, within its own bounds at least.
     let mut others = vec![unknowns.clone(), base_line.clone()];
-    others.extend((0..ANYWHERE).filter_map(|_| search.complete_between(&base_line, &mut rng)));
+    let drawn = (0..ANYWHERE).take_while(|_| !options.handle.is_ended());
+    others.extend(drawn.filter_map(|_| search.complete_between(&base_line, &mut rng)));
     let mut closest = search.closest_with_words(&ends, &others, &options.handle);
     if closest.is_none() {
         search.problem.needed = by_file;
