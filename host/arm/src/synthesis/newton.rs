@@ -107,12 +107,13 @@ impl Search<'_, '_> {
                 break;
             }
             self.iterations += 1;
-            let mut next = &unknowns + self.step(&jacobian, &residual, &unknowns, None, damping.value(), &words);
-            if !self.has_words(&next) {
-                next = self.with_words(&next, Keep::Little).unwrap_or_else(|| unknowns.clone());
-            }
-            let lower = self.problem.linearise(&next).ok().filter(|(next, _)| next.norm() < residual.norm());
-            let Some((lower, steeper)) = lower else {
+            let next = &unknowns + self.step(&jacobian, &residual, &unknowns, None, damping.value(), &words);
+            let next = if self.keeps_words { self.with_words(&next, Keep::Little) } else { Some(next) };
+            let lower = next.and_then(|next| {
+                let (lower, steeper) = self.problem.linearise(&next).ok()?;
+                (lower.norm() < residual.norm()).then_some((next, lower, steeper))
+            });
+            let Some((next, lower, steeper)) = lower else {
                 if damping.is_exhausted() || residual.amax() < SOLVED {
                     break;
                 }
@@ -327,7 +328,8 @@ fn smallest_step(
     &face.onto + face.free.as_ref().map_or(step.clone(), |free| free * &step)
 }
 
-/// The smallest x that makes |matrix · x − right|² + damping²·|matrix|²·|x|² least; 0 where a number has overflowed.
+/// The smallest x that makes |matrix · x − right|² + damping²·|matrix|²·|x|² least; 0 where there is nothing to solve, or a number
+/// has overflowed.
 pub(super) fn damped_inverse(matrix: &DMatrix<f64>, right: &DVector<f64>, damping: f64) -> DVector<f64> {
     let floor = damping * matrix.norm();
     if matrix.is_empty() || !(floor.is_finite() && matrix.norm().is_finite() && right.norm().is_finite()) {
@@ -350,9 +352,6 @@ fn well_posed_inverse(matrix: &DMatrix<f64>, right: &DVector<f64>, floor: f64) -
 
 /// The same by singular values, those of rounding size left out.
 fn truncated_inverse(matrix: &DMatrix<f64>, right: &DVector<f64>, floor: f64) -> DVector<f64> {
-    if matrix.ncols() == 0 {
-        return DVector::zeros(0);
-    }
     let parts = svd(matrix);
     let Some((Some(u), Some(v_t), values)) = parts.map(|parts| (parts.u, parts.v_t, parts.singular_values)) else {
         return DVector::zeros(matrix.ncols());
