@@ -11,8 +11,8 @@ use crate::history::{DiagnosisEntry, ModelEntry};
 use crate::unix_time;
 
 impl Diagnoses {
-    /// Keeps a diagnosis with what pages show of it, its model and the corrected one in the history, where the server has one. Where that fails the diagnosis
-    /// has not failed.
+    /// Keeps a diagnosis with what pages show of it, its model and the corrected one in the history, where the server has one. Where
+    /// that fails the diagnosis has not failed.
     pub(super) fn keep(
         &self,
         sources: &Sources<'_>,
@@ -39,7 +39,7 @@ impl Diagnoses {
             file: &next.text,
         });
         let (data_digest, report) = (sha256(upload.bytes(&upload.data)), numbers(found));
-        let shown = serde_json::to_string(result).unwrap_or_default();
+        let shown = serde_json::to_string(result).ok();
         let verdict = diagnosis.verdict.to_string();
         let entry = DiagnosisEntry {
             model,
@@ -49,7 +49,7 @@ impl Diagnoses {
             verdict: &verdict,
             summary: diagnosis.plain.first().map_or("", String::as_str),
             report: &report,
-            result: &shown,
+            result: shown.as_deref(),
         };
         if let Err(error) = history.add_diagnosis(&entry, unix_time::now_ms()) {
             eprintln!("darm serve: the history does not keep the diagnosis: {error}");

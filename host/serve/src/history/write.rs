@@ -91,8 +91,8 @@ pub struct DiagnosisEntry<'a> {
     pub summary: &'a str,
     /// The numbers, as JSON.
     pub report: &'a str,
-    /// What the page shows of it, as JSON.
-    pub result: &'a str,
+    /// What the page shows of it, as JSON; `None` where that cannot be written.
+    pub result: Option<&'a str>,
 }
 
 impl History {
@@ -204,7 +204,7 @@ fn insert_diagnosis(writer: &mut Connection, entry: &DiagnosisEntry<'_>, now_ms:
             entry.summary,
             entry.corrected.map(|model| model.digest),
             entry.report,
-            (entry.result.len() <= MAX_RESULT).then_some(entry.result)
+            entry.result.filter(|result| result.len() <= MAX_RESULT)
         ],
     )?;
     transaction.commit()

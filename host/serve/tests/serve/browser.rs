@@ -4,6 +4,7 @@ use darm_arm::arm::ArmScratch;
 
 use super::board::{Bench, RealTime};
 use super::replay::recorded;
+use super::tab::live_with_control;
 use super::webdriver::Browser;
 
 /// Width of the window, pixels.
@@ -160,14 +161,7 @@ fn a_click_on_what_was_shown_before_a_stop_of_another_page_is_refused() {
     let Some(browser) = Browser::start(WIDTH) else { return };
     let bench = Bench::start("planar4.toml");
     let _time = RealTime::start(&bench.board);
-    bench.phase("idle");
-    let page = bench.page_in_control();
-    page.upload(&bench.table(&["000010000000"], 20.0));
-    assert_eq!(page.control("release").status, 200);
-    browser.open(&format!("http://{}/", bench.address()));
-    browser.wait("document.querySelectorAll('#outputs tr').length === 12");
-    browser.click("#take");
-    browser.wait("document.body.dataset.link === 'live' && document.body.hasAttribute('data-controls')");
+    live_with_control(&browser, &bench);
     browser.click("#outputs tr:nth-child(5) button:last-of-type");
     browser.wait("document.querySelector('#outputs tr:nth-child(5)').classList.contains('on')");
     bench.phase("manual");

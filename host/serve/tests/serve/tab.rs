@@ -6,11 +6,8 @@ use super::webdriver::Browser;
 /// What a person sees of control.
 const CONTROLS: &str = "document.body.dataset.link === 'live' && document.body.hasAttribute('data-controls')";
 
-#[test]
-fn a_tab_keeps_control_from_page_to_page_and_its_end_switches_off_what_was_set_by_hand() {
-    let Some(browser) = Browser::start(1280) else { return };
-    let bench = Bench::start("planar4.toml");
-    let _time = RealTime::start(&bench.board);
+/// Opens Live at a board with a table, and takes control there; its address.
+pub(crate) fn live_with_control(browser: &Browser, bench: &Bench) -> String {
     bench.phase("idle");
     let page = bench.page_in_control();
     page.upload(&bench.table(&["000010000000"], 20.0));
@@ -20,6 +17,15 @@ fn a_tab_keeps_control_from_page_to_page_and_its_end_switches_off_what_was_set_b
     browser.wait("document.querySelectorAll('#outputs tr').length === 12");
     browser.click("#take");
     browser.wait(CONTROLS);
+    address
+}
+
+#[test]
+fn a_tab_keeps_control_from_page_to_page_and_its_end_switches_off_what_was_set_by_hand() {
+    let Some(browser) = Browser::start(1280) else { return };
+    let bench = Bench::start("planar4.toml");
+    let _time = RealTime::start(&bench.board);
+    let address = live_with_control(&browser, &bench);
     browser.click("#outputs tr:nth-child(5) button:last-of-type");
     bench.phase("manual");
     let holder = bench.get("/api/live")["control"]["page"].clone();

@@ -113,7 +113,7 @@ fn the_corrected_model_knows_its_parent() {
         verdict: "effect-found",
         summary: "A stroke.",
         report: "{}",
-        result: "{\"html\":\"\"}",
+        result: Some("{\"html\":\"\"}"),
     };
     history.add_diagnosis(&entry, 2).unwrap();
     history.add_model(&model("b", Some("b")), 3).unwrap();
@@ -121,9 +121,9 @@ fn the_corrected_model_knows_its_parent() {
     let parent = |digest: &str| models.iter().find(|entry| entry["digest"] == digest).map(|entry| &entry["parent"]);
     assert_eq!((models.len(), parent("b")), (2, Some(&"a".into())));
     assert_eq!(history.entries(Kind::Diagnoses, None).unwrap()[0]["corrected"], "b");
-    assert_eq!(history.result(1).unwrap().as_deref(), Some(entry.result));
+    assert_eq!(history.result(1).unwrap().as_deref(), entry.result);
     let large = "x".repeat(super::MAX_RESULT + 1);
-    history.add_diagnosis(&DiagnosisEntry { result: &large, ..entry }, 3).unwrap();
+    history.add_diagnosis(&DiagnosisEntry { result: Some(&large), ..entry }, 3).unwrap();
     assert_eq!((history.result(2).unwrap(), history.report(2).unwrap().as_deref()), (None, Some("{}")));
     // A model that is seen again keeps the name that a person gave it.
     assert!(history.set_label(Kind::Models, "b", Some("after the bench")).unwrap());
